@@ -6,9 +6,10 @@ import argparse
 import os
 from pathlib import Path
 
-STEPS, MOST_STEPS = 100_000, 1_000_000_000
+from firmloop.project import extent
+
+STEPS, SEED = extent.STEPS, extent.SEED
 MOST_VALUE = 1e300  # of a parameter; its range is narrower
-SEED = 1
 
 
 def project_and_place(parser: argparse.ArgumentParser, place_shown: str) -> None:
@@ -85,12 +86,12 @@ def place(text: str) -> Path:
 
 def steps(text: str) -> int:
     """Read a number of steps."""
-    return whole(text, 1, MOST_STEPS)
+    return whole(text, extent.FEWEST_STEPS, extent.MOST_STEPS)
 
 
 def seed(text: str) -> int:
     """Read the seed of a random generator."""
-    return whole(text, 0, 2**63 - 1)
+    return whole(text, 0, extent.LAST_SEED)
 
 
 def wire(text: str) -> tuple[str, str]:
@@ -123,6 +124,7 @@ def number(text: str, low: float, high: float) -> float:
 
 def whole(text: str, low: int, high: int) -> int:
     """Read a whole number from `low` to `high`."""
-    if not text.isascii() or not text.isdigit() or len(text) > 20 or not low <= int(text) <= high:
-        raise argparse.ArgumentTypeError(f"{text[:30]!r} is not a whole number from {low} to {high}")
-    return int(text)
+    try:
+        return extent.whole(text, low, high)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None

@@ -9,6 +9,7 @@ from pathlib import Path
 from firmloop.design.analysis.contest import Entry
 from firmloop.design.design import Design
 from firmloop.design.law import Law
+from firmloop.door.given import check_noun
 from firmloop.door.identify import Identified
 from firmloop.identify.plants.plant import Plant
 from firmloop.output import save
@@ -89,15 +90,20 @@ def design(source: Project | Identified, *, stage: Stage = quietly) -> Designed:
     ProjectError
         when a part of the project is missing or wrong, or nothing is found that meets what is asked.
     """
+    check_noun("design", source, Project, Identified)
     project = source if isinstance(source, Project) else source.project
     require(project, "controller", "signals")
-    if isinstance(source, Identified):
-        plant: Plant | None = source.plant
-    else:
-        plant = plant_of(project) if project.plant else None
+    plant = plant_given(source)
     with stage("designing the controller"):
         made = making.design(project, plant)
         loop = analyze(project, made, plant) if plant else None
     with stage("tuning by other rules"):
         tuned = beside(project, made, plant) if plant else ()
     return Designed(project, plant, made, loop, tuned)
+
+
+def plant_given(source: Project | Identified) -> Plant | None:
+    """Return the fitted plant, else the project's; None where it has none."""
+    if isinstance(source, Identified):
+        return source.plant
+    return plant_of(source) if source.plant else None

@@ -10,6 +10,9 @@ from pathlib import Path
 from firmloop.diagnose.controller.replay import Cut
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.run import Diagnosis
+from firmloop.door.given import check_noun
+from firmloop.door.identify import Identified
+from firmloop.identify.plants.plant import Plant
 from firmloop.output import save
 from firmloop.presentation.diagnosis_report import diagnosis_report, diagnosis_sections
 from firmloop.presentation.notebook import notebook
@@ -64,13 +67,14 @@ class Diagnosed:
         return notebook(diagnosis_sections(self.diagnosis, self.replayed))
 
 
-def diagnose(project: Project, *, stage: Stage = quietly) -> Diagnosed:
+def diagnose(project: Project | Identified, *, stage: Stage = quietly) -> Diagnosed:
     """Say where simulation and recordings differ and why.
 
     Parameters
     ----------
     project
-        with `[plant]` and `[recordings]`; a plant without values is identified first
+        a project with `[plant]` and `[recordings]`, or what `identify` made of it: then the fitted plant is diagnosed.
+        A plant without values is identified first
 
     Raises
     ------
@@ -81,7 +85,12 @@ def diagnose(project: Project, *, stage: Stage = quietly) -> Diagnosed:
     ToolError
         when the C compiler that the simulator needs is not installed.
     """
-    require(project, "plant", "recordings")
-    data = read_data(project)
+    check_noun("diagnose", project, Project, Identified)
+    fitted: Plant | None = None
+    if isinstance(project, Identified):
+        fitted, data, project = project.plant, project.data, project.project
+    else:
+        require(project, "plant", "recordings")
+        data = read_data(project)
     with stage("diagnosing") as report:
-        return Diagnosed(project, data, *both_halves(project, data, report))
+        return Diagnosed(project, data, *both_halves(project, data, report, fitted))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from firmloop.codegen.emit import tool_version
 from firmloop.door.diagnose import Diagnosed, diagnose
+from firmloop.door.given import check_noun
 from firmloop.door.identify import Identified, identify
 from firmloop.door.load import load
 from firmloop.identify.error import IdentifyError
@@ -99,6 +100,7 @@ def diagnose_fleet(
     ToolError
         when the C compiler or the cluster is not there.
     """
+    check_noun("diagnose_fleet", project, Project)
     require(project, "plant")
     plant_of(project)
     recordings = find_fleet(where, Path(folder))

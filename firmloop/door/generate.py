@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from firmloop.design.design import Design
+from firmloop.door.design import Designed, plant_given
+from firmloop.door.given import check_noun
+from firmloop.door.identify import Identified
 from firmloop.identify.plants.plant import Plant
 from firmloop.output import save
 from firmloop.presentation.documents import c_files
@@ -17,11 +19,8 @@ from firmloop.project.project import Project, require
 from firmloop.quantize.program import Program
 from firmloop.stages import making
 from firmloop.stages.making import Generated
-from firmloop.stages.plant import command_of, plant_of
+from firmloop.stages.plant import command_of
 from firmloop.stages.progress import Stage, quietly
-
-if TYPE_CHECKING:
-    from firmloop.door.design import Designed
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,30 +58,32 @@ class Code:
         return notebook(code_section(self.generated))
 
 
-def generate(source: Project | Designed, *, stage: Stage = quietly) -> Code:
+def generate(source: Project | Identified | Designed, *, stage: Stage = quietly) -> Code:
     """Turn the law into exact arithmetic with proven ranges, and that into C99.
 
     Parameters
     ----------
     source
-        a project with `[controller]`, `[signals]` and `[arithmetic]`, or what `design` made of it
+        a project with `[controller]`, `[signals]` and `[arithmetic]`, or what `identify` or
+        `design` made of it
 
     Raises
     ------
     ProjectError
         when a part of the project is missing or wrong, or no number format is safe.
     """
+    check_noun("generate", source, Project, Identified, Designed)
     return generate_for("generate", source, stage)
 
 
-def generate_for(verb: str, source: Project | Designed, stage: Stage) -> Code:
+def generate_for(verb: str, source: Project | Identified | Designed, stage: Stage) -> Code:
     """Generate; the C names `firmloop VERB` as the command that makes it again."""
     project = source if isinstance(source, Project) else source.project
     require(project, "controller", "signals", "arithmetic")
-    if isinstance(source, Project):
-        plant = plant_of(project) if project.plant else None
-        design = making.design(project, plant)
-    else:
+    if isinstance(source, Designed):
         plant, design = source.plant, source.design
+    else:
+        plant = plant_given(source)
+        design = making.design(project, plant)
     with stage("generating C"):
         return Code(project, plant, design, making.generate(project, design, command_of(verb, project.path)))

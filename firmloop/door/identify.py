@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from firmloop.door.given import check_noun
 from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.plants.plant import Plant
 from firmloop.output import save
@@ -73,6 +74,7 @@ def identify(project: Project, *, stage: Stage = quietly) -> Identified:
     ToolError
         when the C compiler that the simulator needs is not installed.
     """
+    check_noun("identify", project, Project)
     require(project, "plant", "recordings")
     data = read_data(project)
     with stage("fitting the plant") as report:

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from firmloop.door.design import Designed, design
 from firmloop.door.generate import Code, generate_for
+from firmloop.door.given import asked_campaign, check_noun
 from firmloop.door.identify import Identified, identify
-from firmloop.door.verify import SEED, STEPS, Tell, Verified, check_targets, silent, verify_for
-from firmloop.identify.simulation.fmu_plant import fmu_of
+from firmloop.door.verify import Tell, Verified, check_targets, silent, verify_for
 from firmloop.output import VERDICTS, save_over
 from firmloop.presentation.notebook import notebook
 from firmloop.presentation.report import Walk, report, walk_sections
-from firmloop.project.project import Campaign, Project, campaign_targets, require
+from firmloop.project.extent import SEED, STEPS
+from firmloop.project.project import Project, require
 from firmloop.stages.plant import command_of
 from firmloop.stages.progress import Stage, quietly
 
@@ -63,9 +64,9 @@ class Run:
 
 
 def run(
-    project: Project,
+    project: Project | Identified,
     *,
-    targets: Sequence[str] = (),
+    targets: str | Sequence[str] = (),
     steps: int = STEPS,
     seed: int = SEED,
     port: str | None = None,
@@ -79,7 +80,8 @@ def run(
     Parameters
     ----------
     project
-        with `[recordings]`, `[plant]`, `[controller]`, `[signals]` and `[arithmetic]`
+        a project with `[recordings]`, `[plant]`, `[controller]`, `[signals]` and `[arithmetic]`, or what `identify`
+        made of it
     targets, steps, seed, port, fmu, wires
         as `verify` takes them: an FMU closes the loop in the place of the fitted plant
     tell
@@ -88,16 +90,19 @@ def run(
     Raises
     ------
     ProjectError
-        when a part of the project or the name of a target is wrong.
+        when a part of the project, the name of a target or a number is wrong.
     IdentifyError
         when a recording cannot be used, or says too little.
     ToolError
         when the C compiler that the simulator needs is not installed.
     """
+    check_noun("run", project, Project, Identified)
+    identified = project if isinstance(project, Identified) else None
+    project = project.project if isinstance(project, Identified) else project
     require(project, "recordings", "plant", "controller", "signals", "arithmetic")
-    campaign = Campaign(campaign_targets(project, targets), steps, seed, port, fmu_of(fmu, wires))
+    campaign = asked_campaign(project, targets, steps, seed, port, fmu, wires)
     check_targets(project, campaign)
-    identified = identify(project, stage=stage)
+    identified = identified or identify(project, stage=stage)
     tell(identified)
     designed = design(identified, stage=stage)
     tell(designed)

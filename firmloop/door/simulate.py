@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from firmloop.door.given import check_noun
+from firmloop.door.identify import Identified
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, write_recording
 from firmloop.identify.simulation.fmu_plant import fmu_of
 from firmloop.identify.units import unit_of
@@ -56,7 +59,7 @@ class Simulated:
 
 
 def simulate(
-    project: Project,
+    project: Project | Identified,
     recording: str | os.PathLike[str],
     *,
     start: Start = at_rest,
@@ -69,7 +72,8 @@ def simulate(
     Parameters
     ----------
     project
-        with `[plant]`, unless there is an FMU; `[recordings]` says how columns are named, where it is there
+        a project with `[plant]`, unless there is an FMU, or what `identify` made of it: then the fitted plant is taken;
+        `[recordings]` says how columns are named, where it is there
     recording
         the file, as `[recordings]` takes it
     start
@@ -88,6 +92,10 @@ def simulate(
     ToolError
         when the C compiler that the simulator needs, or FMPy, is not installed.
     """
+    check_noun("simulate", project, Project, Identified)
+    fitted: Plant | None = None
+    if isinstance(project, Identified):
+        fitted, project = project.plant, project.project
     given = fmu_of(fmu, wires)
     if given is not None:
         if start is as_recorded:
@@ -99,4 +107,4 @@ def simulate(
     read = read_as_named(project, Path(recording))
     assert project.plant is not None, "require() has seen to it"
     with stage("simulating"):
-        return Simulated(read, prediction.predicted(project, read, start), project.plant.outputs)
+        return Simulated(read, prediction.predicted(project, read, start, fitted), project.plant.outputs)

@@ -7,15 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from firmloop.codegen.target import load_target
+from firmloop.door.design import Designed
 from firmloop.door.generate import Code, generate
+from firmloop.door.given import asked_campaign, check_noun
+from firmloop.door.identify import Identified
 from firmloop.identify.simulation.compiler import ToolError
-from firmloop.identify.simulation.fmu_plant import fmu_of
 from firmloop.output import VERDICTS, save_over
 from firmloop.presentation.documents import as_json
 from firmloop.presentation.figures import LIMIT, search_figure
 from firmloop.presentation.notebook import notebook
 from firmloop.presentation.sections import targets_section, verdict_cards
-from firmloop.project.project import Campaign, Project, campaign_targets
+from firmloop.project.extent import SEED, STEPS
+from firmloop.project.project import Campaign, Project
 from firmloop.project.table import ProjectError
 from firmloop.stages.baseline import cost_document
 from firmloop.stages.data import Data, available_data, recorded_inputs
@@ -27,7 +30,6 @@ from firmloop.stages.verification import Outcome, try_here, verify_target
 from firmloop.verify.trial import Trial
 from firmloop.verify.verdict import Verdict
 
-STEPS, SEED = 100_000, 1
 Tell = Callable[[object], None]  # is given each noun as soon as it is there
 
 
@@ -79,9 +81,9 @@ def silent(noun: object) -> None:
 
 
 def verify(
-    source: Project | Code,
+    source: Project | Identified | Designed | Code,
     *,
-    targets: Sequence[str] = (),
+    targets: str | Sequence[str] = (),
     steps: int = STEPS,
     seed: int = SEED,
     port: str | None = None,
@@ -95,9 +97,11 @@ def verify(
     Parameters
     ----------
     source
-        a project with `[controller]`, `[signals]` and `[arithmetic]`, or what `generate` made of it
+        a project with `[controller]`, `[signals]` and `[arithmetic]`, or what `identify`, `design` or `generate` made
+        of it
     targets
-        names of targets, or paths of their TOML files; where none is given, those of the project, else the host
+        a target or several: names, or paths of their TOML files; where none is given, those of the project, else
+        the host
     steps
         steps per target
     seed
@@ -114,16 +118,17 @@ def verify(
     Raises
     ------
     ProjectError
-        when a part of the project or the name of a target is wrong.
+        when a part of the project, the name of a target or a number is wrong.
     IdentifyError
         when the FMU cannot be the plant.
     ToolError
         when no target could be run.
     """
+    check_noun("verify", source, Project, Identified, Designed, Code)
     project = source if isinstance(source, Project) else source.project
-    campaign = Campaign(campaign_targets(project, targets), steps, seed, port, fmu_of(fmu, wires))
+    campaign = asked_campaign(project, targets, steps, seed, port, fmu, wires)
     check_targets(project, campaign)
-    if isinstance(source, Project):
+    if not isinstance(source, Code):
         source = generate(source, stage=stage)
         tell(source)
     found = verify_for(campaign, source, available_data(project), stage, tell)

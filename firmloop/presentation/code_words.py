@@ -40,9 +40,16 @@ def about_code(generated: Generated) -> list[str]:
     if generated.checked is not None:
         again = f"{generated.checked.operations} operations and {generated.checked.stores} stores"
         lines.append(f"  no overflow: {again} proven twice, by interval rules and by z3")
-    bounds = [f"{r.output} {in_unit(f'{r.bound:.3g}', r.unit)}" for r in program.rounding if math.isfinite(r.bound)]
-    if bounds:
-        lines.append(f"  rounding, proven: at most {', '.join(bounds)} off the law in one step")
+    spans = {v.name: (v.high - v.low) * 2.0**-v.number.fraction for v in program.outputs}
+    bounded = {r: f"{r.output} {in_unit(f'{r.bound:.3g}', r.unit)}" for r in program.rounding if math.isfinite(r.bound)}
+    said = [text for r, text in bounded.items() if r.bound < spans[r.output]]
+    if said:
+        lines.append(f"  rounding, proven: at most {', '.join(said)} off the law in one step")
+    nothing = [text for r, text in bounded.items() if r.bound >= spans[r.output]]
+    if nothing:
+        lines.append(
+            f"  rounding: the bound, {', '.join(nothing)}, is as wide as the output's whole range and says nothing"
+        )
     unbounded = [r.output for r in program.rounding if not math.isfinite(r.bound)]
     if unbounded:
         lines.append(f"  rounding: no bound is proven for {', '.join(unbounded)}")

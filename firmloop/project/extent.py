@@ -16,7 +16,24 @@ MOST_ENTRIES = 100_000  # of a list; what is longer belongs in a recording
 WIRE_ENDS = ("low", "high")
 WRITTEN_BY_FITS = ("ci95",)  # nobody computes with it, and an end of it may be as near to 0 as it comes
 
+STEPS, FEWEST_STEPS, MOST_STEPS = 100_000, 1, 1_000_000_000  # of a verification
+SEED, LAST_SEED = 1, 2**63 - 1
+
 Place = tuple[str, ...]
+
+
+def whole(value: object, low: int, high: int) -> int:
+    """Read a whole number from `low` to `high`, of a command's words or a caller's number.
+
+    Raises
+    ------
+    ValueError
+        with the rule.
+    """
+    text = str(value)
+    if not text.isascii() or not text.isdigit() or len(text) > 20 or not low <= int(text) <= high:
+        raise ValueError(f"{text[:30]!r} is not a whole number from {low} to {high}")
+    return int(text)
 
 
 def faults(value: object, place: Place) -> Iterator[tuple[Place, str]]:

@@ -35,10 +35,29 @@ class ProjectTable:
 
     def complaint(self, message: str) -> ProjectError:
         """Return another package's complaint, with the line of the dotted key it begins with (`controller.kp`)."""
-        key = tuple(message.split(" ", 1)[0].rstrip(":").split("."))
+        place, _, rest = message.partition(" ")
+        key = self._of_a_list(tuple(place.rstrip(":").split(".")), rest)
         held = next((key[:length] for length in range(len(key), 0, -1) if key[:length] in self.lines), None)
         line = f":{self.lines[held]}" if held else ""
         return ProjectError(f"{self.file}{line}: {message}")
+
+    def _of_a_list(self, key: tuple[str, ...], rest: str) -> tuple[str, ...]:
+        """Find in a list of tables the one whose name a complaint about the list goes on with, `name` or `name.key`.
+
+        Of several it is one that has that key, or lacks it where it is said to be missing; and has the value told.
+        """
+        entries: object = self.values
+        for name in key:
+            entries = entries.get(name) if isinstance(entries, Mapping) else None
+        if not isinstance(entries, list):
+            return key
+        name, _, inner = rest.partition(" ")[0].strip("':").partition(".")
+        named = [k for k, one in enumerate(entries) if isinstance(one, Mapping) and one.get("name") == name]
+        lacks = " is missing" in rest
+        meant = [k for k in named if (inner in entries[k]) is not lacks] or named[-1:]
+        told = {k: _told(entries[k].get(inner)) for k in meant}
+        meant.sort(key=lambda k: rest.index(told[k]) if told[k] in rest else len(rest))
+        return (*key, str(meant[0]), inner or "name") if meant else key
 
     def remark(self, key: str, message: str) -> ProjectError:
         """Return `message` as an error at the line of `key`."""
@@ -165,6 +184,12 @@ def _is_finite(value: object) -> TypeGuard[int | float]:
         return math.isfinite(float(value))
     except OverflowError:
         return False
+
+
+def _told(value: object) -> str:
+    """Return a value, with or without an interval, as another package tells it."""
+    inner = value.get("value") if isinstance(value, Mapping) else value
+    return f"{inner:g}" if isinstance(inner, int | float) else str(inner)
 
 
 def _shown(value: object) -> str:

@@ -38,13 +38,15 @@ def diagnosed(project: Project, data: Data, report: Report) -> Diagnosis:
     return both_halves(project, data, report)[0]
 
 
-def both_halves(project: Project, data: Data, report: Report) -> tuple[Diagnosis, Cut | None]:
-    """Diagnose the project's plant on its recordings, and replay its controller where they hold what it was given.
+def both_halves(
+    project: Project, data: Data, report: Report, fitted: Plant | None = None
+) -> tuple[Diagnosis, Cut | None]:
+    """Diagnose the fitted, else the project's plant on its recordings, and replay its controller where they hold it.
 
     A plant without values is identified first.
     """
     with located(project):
-        plant = recorded_plant_of(project)
+        plant = recorded_plant_of(project, fitted)
         conditioning = conditioning_of(project)
         check_logs("diagnose", plant, data, conditioning)
         if any(math.isnan(parameter.value) for parameter in plant.parameters):

@@ -10,7 +10,7 @@ from pathlib import Path
 from firmloop.codegen.bundle import CodegenError
 from firmloop.design.law import DesignError
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.plants.per_recording import with_varying
+from firmloop.identify.plants.per_recording import with_varying, without_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.project.project import Project, check_units
@@ -28,9 +28,9 @@ def plant_of(project: Project) -> Plant:
     return plant
 
 
-def recorded_plant_of(project: Project) -> Plant:
-    """Build the plant with what each recording has of its own, as `[recordings]` says."""
-    plant = plant_of(project)
+def recorded_plant_of(project: Project, fitted: Plant | None = None) -> Plant:
+    """Build the plant, or take the fitted one, with what each recording has of its own, as `[recordings]` says."""
+    plant = plant_of(project) if fitted is None else without_varying(fitted)
     if project.recordings is None:
         return plant
     with located(project):

@@ -30,10 +30,13 @@ EVEN = 1e-6  # of the usual step: what the last digit of a time stamp adds
 Start = Callable[[Project, Plant, Recording], Array | None]  # chooses the initial state; None is at rest
 
 
-def predicted(project: Project, recording: Recording, start: Start) -> Recording:
-    """Replace every output of the plant by its simulation; columns whose numbers are the file's keep its names."""
+def predicted(project: Project, recording: Recording, start: Start, fitted: Plant | None = None) -> Recording:
+    """Replace every output of the fitted plant, else of the project's, by its simulation.
+
+    Columns whose numbers are the file's keep its names.
+    """
     with located(project):
-        plant = recorded_plant_of(project)
+        plant = recorded_plant_of(project, fitted)
         begun = start(project, plant, recording)
         simulated = simulate(plant, recording, begun)
     made = _with_outputs(project, recording, [signal.name for signal in plant.outputs], simulated)

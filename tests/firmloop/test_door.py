@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import firmloop as fl
 from firmloop.cli import main
 from firmloop.door.run import Run
 from firmloop.identify.extras import ToolError
+from firmloop.project.table import ProjectError
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("load", "identify", "simulate", "design", "generate", "verify", "diagnose", "run")
@@ -164,6 +168,70 @@ def test_the_command_line_writes_what_the_functions_save(walked: Run, tmp_path: 
         assert names and names == others
         for name in names:
             assert (tmp_path / one / name).read_bytes() == (tmp_path / two / name).read_bytes(), name
+
+
+def test_each_function_takes_the_nouns_before_it(walked: Run, tmp_path: Path) -> None:
+    """What is made of the noun is what is made of the project that the noun saves."""
+    fitted, designed = walked.identified, walked.designed
+    fitted.save(tmp_path / "fitted")
+    saved = fl.load(tmp_path / "fitted" / "project.toml")
+    file = walked.code.project.path.parent / "test.csv"
+    for start in (fl.at_rest, fl.as_recorded):
+        alone, as_saved = (fl.simulate(one, file, start=start).predicted.columns for one in (fitted, saved))
+        assert np.array_equal(alone["temperature_C"], as_saved["temperature_C"])
+    nominal = fl.simulate(walked.code.project, file).predicted.columns["temperature_C"]
+    assert not np.allclose(nominal, fl.simulate(fitted, file).predicted.columns["temperature_C"])
+    assert fl.generate(fitted).program.id == fl.generate(designed).program.id == fl.generate(saved).program.id
+    for noun in (fitted, designed):
+        assert fl.verify(noun, targets="host", steps=100).verdicts["host"].program_id == walked.code.program.id
+    assert fl.run(fitted, targets="host", steps=100).identified is fitted
+    found, of_saved = fl.diagnose(fitted).finding, fl.diagnose(saved).finding
+    assert found.verdict == "no_mismatch" and found.as_dict() == of_saved.as_dict()
+
+
+@pytest.mark.parametrize(
+    ("verb", "noun", "words"),
+    [
+        ("identify", "designed", "takes a Project, and was given Designed; give it that one's project: .project"),
+        ("simulate", "designed", "takes a Project or an Identified, and was given Designed"),
+        ("design", "designed", "takes a Project or an Identified, and was given Designed"),
+        ("generate", "code", "takes a Project, an Identified or a Designed, and was given Code"),
+        ("verify", "verified", "takes a Project, an Identified, a Designed or a Code, and was given Verified"),
+        ("diagnose", "code", "takes a Project or an Identified, and was given Code"),
+        ("run", "code", "takes a Project or an Identified, and was given Code"),
+        ("diagnose_fleet", "identified", "takes a Project, and was given Identified"),
+    ],
+)
+def test_a_noun_that_is_not_before_a_function_is_refused(walked: Run, verb: str, noun: str, words: str) -> None:
+    further = {"simulate": ("test.csv",), "diagnose_fleet": ("machines", "out")}.get(verb, ())
+    for given, said in (
+        (getattr(walked, noun), words),
+        ("p.toml", "given str; read the file first: firmloop.load('p.toml')"),
+        (None, "given None; firmloop.load reads a project's TOML file"),
+    ):
+        with pytest.raises(TypeError, match=re.escape(said)):
+            getattr(fl, verb)(given, *further)
+
+
+@pytest.mark.parametrize(
+    ("asked", "kind", "words"),
+    [
+        ({"steps": -5}, ProjectError, "steps: '-5' is not a whole number from 1 to 1000000000"),
+        ({"steps": 0}, ProjectError, "steps: '0' is not a whole number from 1 to 1000000000"),
+        ({"steps": 1e3}, ProjectError, "steps: '1000.0' is not a whole number from 1 to 1000000000"),
+        ({"seed": -1}, ProjectError, "seed: '-1' is not a whole number from 0 to"),
+        ({"targets": "hots"}, ProjectError, "no target is called 'hots'; did you mean host?"),
+        ({"targets": [3]}, TypeError, "targets: 3 is no name of a target"),
+        ({"port": 5}, TypeError, "port: 5 is no text such as /dev/ttyACM0"),
+    ],
+)
+def test_a_wrong_number_or_target_is_refused_as_the_command_does(
+    walked: Run, asked: dict[str, Any], kind: type[Exception], words: str
+) -> None:
+    for function, noun in ((fl.verify, walked.code), (fl.run, walked.identified)):
+        with pytest.raises(kind, match=re.escape(words)):
+            function(noun, **asked)  # type: ignore[operator]
+    assert fl.verify(walked.code, targets="host", steps=np.int64(100)).agrees  # type: ignore[arg-type]
 
 
 def test_a_users_file_passes_the_strict_type_checker(tmp_path: Path) -> None:

@@ -39,6 +39,16 @@ def written(folder: Path, solver: str, number: str, more: str = "") -> Path:
     return path
 
 
+def test_a_bound_as_wide_as_the_output_is_said_to_say_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where the search may end at another move, the bound of a step is all of -6 V to 6 V."""
+    assert main(["generate", str(written(tmp_path, "online", "float64")), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "rounding: the bound, output 12 V, is as wide as the output's whole range and says nothing" in said
+    assert "off the law" not in said
+
+
 @pytest.mark.parametrize("number", ["float32", 'fixed"\nbits = 16 #'])
 def test_a_fixed_number_of_iterations(number: str, tmp_path: Path) -> None:
     path, out = written(tmp_path, "fixed_iterations", number), tmp_path / "out"

@@ -269,3 +269,59 @@ def test_a_verb_that_is_misspelt_is_told_its_nearest(capsys: pytest.CaptureFixtu
         main(["genrate", "x.toml", "--out", "x"])
     assert caught.value.code == 2
     assert "did you mean 'generate'?" in _complaint(capsys)
+
+
+TWO_BODIES = """\
+schema = 1
+name = "two"
+[plant]
+kind = "ode"
+states = ["w1_rad_s", "w2_rad_s"]
+inputs = ["torque_N_m"]
+outputs = { w1_rad_s = "w1_rad_s" }
+[plant.derivatives]
+w1_rad_s = "(torque_N_m - d_N_m_s_rad*(w1_rad_s - w2_rad_s))/J_kg_m2"
+w2_rad_s = "d_N_m_s_rad*(w1_rad_s - w2_rad_s)/J_kg_m2"
+[plant.balances]
+w1_rad_s = { kind = "torque", per = "1/J_kg_m2", speed = "w1_rad_s" }
+w2_rad_s = { kind = "torque", per = "1/J_kg_m2", speed = "w2_rad_s" }
+[plant.parameters]
+J_kg_m2 = 1e-3
+d_N_m_s_rad = 0.01
+[[plant.effects]]
+name = "load_torque"
+at = "w1_rad_s"
+torque_N_m = 0.01
+[[plant.effects]]
+name = "coulomb_friction"
+at = "w2_rad_s"
+torque_N_m = 0.01
+[[plant.effects]]
+name = "coulomb_friction"
+at = "w1_rad_s"
+torque_N_m = 0.01
+"""
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "told"),
+    [
+        (27, "", "25: plant.effects: coulomb_friction.at is missing"),
+        (27, 'at = "w3_rad_s"', "27: plant.effects: coulomb_friction.at 'w3_rad_s' is no state it can act at"),
+        (18, 'name = "loat_torque"', "18: plant.effects: 'loat_torque' is none of the"),
+        (19, "", "17: plant.effects: load_torque.at is missing"),
+        (20, "torque_N_m = {}", "20: plant.effects: load_torque.torque_N_m is None"),
+        (28, "torque_N_m = -2.5", "28: plant.effects: coulomb_friction.torque_N_m is -2.5 N*m"),
+        (24, "force_N = 1.0", "24: plant.effects: coulomb_friction.force_N is unknown"),
+    ],
+)
+def test_what_is_wrong_with_an_effect_is_told_at_its_own_lines(
+    line: int, instead: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = TWO_BODIES.splitlines()
+    lines[line - 1] = instead
+    (tmp_path / "two.toml").write_text("\n".join(lines))
+    (tmp_path / "a.csv").write_text("time_s,torque_N_m,w1_rad_s\n0,1,0\n1,1,0\n2,0,0\n")
+    out = ["--out", str(tmp_path / "o.csv")]
+    assert main(["simulate", str(tmp_path / "two.toml"), str(tmp_path / "a.csv"), *out]) == 2
+    assert f"two.toml:{told}" in capsys.readouterr().err
