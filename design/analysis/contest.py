@@ -21,6 +21,7 @@ from firmloop.design.analysis.loop import (
     step_profile,
 )
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
+from firmloop.design.analysis.unreached import Unreached, unreached
 from firmloop.design.design import Design, Request, check_signals
 from firmloop.design.kinds.pid.kind import GAIN_KEYS, find_wires, room
 from firmloop.design.kinds.pid.kind import KEYS as PID_KEYS
@@ -58,6 +59,7 @@ class Entry:
     noise_gain: float = math.nan  # rms of the output over rms of white noise on the measurement
     halves: Mapping[str, float] = field(default_factory=dict)  # of 95 % intervals by figure, from the plant's
     about: float = 0.0  # the output's value that all is measured about, its unit
+    unreached: Unreached | None = None  # where a limit keeps the step from its reference
 
 
 def contest(request: Request, names: Sequence[str], own: Mapping[str, Mapping[str, object]]) -> tuple[Entry, ...]:
@@ -131,17 +133,18 @@ def _measured(entry: Entry, plant: Plant, linear: Linear, samples: int, load: fl
     reference = np.full(samples, step_profile(law, linear)[0])
     pushes = np.zeros(samples), np.full(samples, load)
 
-    def measured(moved: Linear) -> tuple[StepMetrics, LoadMetrics, float]:
+    def measured(moved: Linear) -> tuple[Trajectory, LoadMetrics, float]:
         stepped, pushed = closed_loop(law, moved, reference), disturbed_loop(law, moved, *pushes)
-        return step_metrics(stepped), load_metrics(pushed), noise_gain(law, moved)
+        return stepped, load_metrics(pushed), noise_gain(law, moved)
 
     def figures(moved: Linear) -> Mapping[str, float]:
         step, pushed, noise = measured(moved)
         answer = {f"load_{name}": value for name, value in figures_of(pushed).items()}
-        return {**figures_of(margins(law, moved), step), **answer, "noise_gain": noise}
+        return {**figures_of(margins(law, moved), step_metrics(step)), **answer, "noise_gain": noise}
 
     step, pushed, noise = measured(linear)
-    return replace(entry, step=step, load=pushed, noise_gain=noise, halves=half_widths(plant, figures))
+    made = replace(entry, step=step_metrics(step), load=pushed, noise_gain=noise, halves=half_widths(plant, figures))
+    return replace(made, unreached=unreached(law, step))
 
 
 def load_metrics(trajectory: Trajectory) -> LoadMetrics:

@@ -22,20 +22,23 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from firmloop.design.tuning import rules
     from firmloop.output import results_folder, written
     from firmloop.presentation.documents import result_json
-    from firmloop.presentation.tuning_table import about_contest, contest_csv, contest_document
+    from firmloop.presentation.tuning_table import about_contest, contest_csv, contest_document, contest_notes
+    from firmloop.presentation.words import about_reach
     from firmloop.project.project import read_project, require
     from firmloop.stages.plant import plant_of
-    from firmloop.stages.tuning import compare
+    from firmloop.stages.tuning import compare, out_of_reach
 
     project = read_project(arguments.project)
     require(project, "plant", "controller", "signals")
     with results_folder(arguments.out, ()) as folder:
         with progress("tuning by every rule"):
-            entries = compare(project, plant_of(project), tuple(rules()))
-        document = {"rules": contest_document(entries)}
+            plant = plant_of(project)
+            entries, reach = compare(project, plant, tuple(rules())), about_reach(out_of_reach(project, plant))
+        notes = [note.strip().removeprefix("note: ") for note in (*contest_notes(entries), *reach)]
+        document = {"rules": contest_document(entries), "notes": notes}
         files = {"tuning.json": result_json(document), "tuning.csv": contest_csv(entries)}
         write_files(files, folder)
-    console.lines(about_contest(entries))
+    console.lines([*about_contest(entries), *reach])
     console.result("tuning", document["rules"])
     written(console, arguments.out, files)
     return 0

@@ -23,7 +23,7 @@ from firmloop.presentation.figures import (
     search_figure,
     step_figure,
 )
-from firmloop.presentation.tuning_table import HEAD, contest_rows
+from firmloop.presentation.tuning_table import HEAD, contest_notes, contest_rows
 
 if TYPE_CHECKING:
     from firmloop.design.analysis.contest import Entry
@@ -165,7 +165,8 @@ def tuning_section(tuned: Sequence[Entry]) -> list[str]:
     if not tuned:
         return []
     refused = [f"<p>{html.escape(entry.rule)}: {html.escape(entry.refused)}</p>" for entry in tuned if entry.refused]
-    return ["<h2>Tuning rules on this plant</h2>", page_table(HEAD, contest_rows(tuned)), *refused]
+    notes = [f"<p>{html.escape(note.strip())}</p>" for note in contest_notes(tuned)]
+    return ["<h2>Tuning rules on this plant</h2>", page_table(HEAD, contest_rows(tuned)), *notes, *refused]
 
 
 def step_of(design: Design, loop: Loop | None) -> Step | None:

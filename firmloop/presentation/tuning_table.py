@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from firmloop.console import table
 from firmloop.presentation.documents import fields_document, finite
-from firmloop.presentation.words import NO_LIMIT, NOT_REACHED, no_finer
+from firmloop.presentation.words import NO_LIMIT, NOT_REACHED, about_unreached, no_finer
 
 if TYPE_CHECKING:
     from firmloop.design.analysis.contest import Entry
@@ -29,15 +29,20 @@ def about_contest(entries: Sequence[Entry]) -> list[str]:
     """One line a rule; below, what the rules that do not fit say."""
     refused = [f"  {entry.rule}: {entry.refused}" for entry in entries if entry.refused]
     rows = [HEAD, *contest_rows(entries)]
+    lines = ["tuning rules on one plant", *table(rows), *contest_notes(entries)]
+    return lines + (["not for this plant:", *refused] if refused else [])
+
+
+def contest_notes(entries: Sequence[Entry]) -> list[str]:
+    """Tell what the figures of the table are of, and what they are not."""
     note = ["  note: no more digits than the plant's 95 % intervals leave; tuning.json says what they are worth"]
     told = [
         f"  note: every step here is about output {about:.4g}, the middle of its range, and free to go both ways; the "
         "step whose figures design prints by themselves begins at rest with output 0"
         for about in sorted({entry.about for entry in entries} - {0.0})
     ]
-    note = [*told, *(note if any(entry.halves for entry in entries) else [])]
-    lines = ["tuning rules on one plant", *table(rows), *note]
-    return lines + (["not for this plant:", *refused] if refused else [])
+    held = about_unreached(entry.unreached for entry in entries)
+    return [*told, *held, *(note if any(entry.halves for entry in entries) else [])]
 
 
 def contest_rows(entries: Sequence[Entry]) -> list[tuple[str, ...]]:
@@ -84,6 +89,7 @@ def _document(entry: Entry) -> dict[str, object]:
         "margins": None if entry.margins is None else fields_document(entry.margins),
         "step": None if entry.step is None else fields_document(entry.step),
         "load": None if entry.load is None else fields_document(entry.load),
+        "unreached": None if entry.unreached is None else fields_document(entry.unreached),
         "noise_gain": finite(entry.noise_gain),
         "ci95_half": {name: finite(half) for name, half in entry.halves.items()},
     }

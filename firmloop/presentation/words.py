@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,11 +14,13 @@ from firmloop.presentation.code_words import figure, in_unit, percent, quantity
 
 if TYPE_CHECKING:
     from firmloop.design.analysis.loop import Margins, StepMetrics
+    from firmloop.design.analysis.unreached import Unreached
     from firmloop.design.design import Design
     from firmloop.identify.fitting.fit import Fit
     from firmloop.identify.fitting.own_values import OwnValue
     from firmloop.identify.plants.plant import Parameter, Plant
     from firmloop.stages.analysis import Loop
+    from firmloop.stages.reachable import Beyond
     from firmloop.stages.tracking import Tracking
     from firmloop.stages.verification import Outcome
     from firmloop.verify.verdict import Verdict
@@ -118,12 +120,12 @@ def about_loop(loop: Loop) -> list[str]:
     """Margins and step metrics, no digits that the plant's intervals do not hold."""
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
     rows = [(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]
-    return table(rows) + note + _about_the_rate(loop) + _about_reach(loop) + _about_points(loop)
+    reach = about_reach(loop.beyond) + about_unreached([loop.unreached])
+    return table(rows) + note + _about_the_rate(loop) + reach + _about_points(loop)
 
 
-def _about_reach(loop: Loop) -> list[str]:
+def about_reach(found: Beyond | None) -> list[str]:
     """Say so where the reference's range is wider than what the actuator can hold."""
-    found = loop.beyond
     if found is None:
         return []
     asked, drive = found.reference, found.output
@@ -132,6 +134,17 @@ def _about_reach(loop: Loop) -> list[str]:
         f"from {drive.low:.4g} to {in_unit(f'{drive.high:.4g}', drive.unit)} holds the plant at {found.low:.4g} to "
         f"{in_unit(f'{found.high:.4g}', asked.unit)} at rest: what is asked beyond that is never reached; narrow "
         f"signals.{asked.name}, or check the plant's gain and its level of rest"
+    ]
+
+
+def about_unreached(steps: Iterable[Unreached | None]) -> list[str]:
+    """Say so where the steps that figures are of never get to their reference."""
+    held = {step.size: step for step in steps if step is not None}
+    return [
+        f"  note: the step of {in_unit(f'{step.size:.4g}', step.unit)} is never reached: the output stands at its "
+        f"limit, which holds the plant at {in_unit(f'{step.end:.3g}', step.unit)}; rise, settling time and overshoot "
+        "are of the plant's way to there, and tell nothing of the gains"
+        for step in held.values()
     ]
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from firmloop.design.law import Law
 from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.plants.operating_point import INPUT, OUTPUT
 from firmloop.identify.plants.plant import Plant
@@ -26,17 +25,19 @@ class Beyond:
     high: float
 
 
-def beyond_reach(law: Law, plant: Plant, linear: Linear) -> Beyond | None:
+def beyond_reach(
+    inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], plant: Plant, linear: Linear
+) -> Beyond | None:
     """Compare the reference's range with the plant at rest at either end of the output's; None where it can follow.
 
     None also where nothing can be told: an integrator goes anywhere, and an unstable plant rests nowhere.
     """
     a = np.atleast_2d(linear.a)
-    if linear.b.shape[1] != 1 or len(law.outputs) != 1 or np.any(np.linalg.eigvals(a).real >= 0.0):
+    if linear.b.shape[1] != 1 or len(outputs) != 1 or np.any(np.linalg.eigvals(a).real >= 0.0):
         return None
     gain = float(linear.d[0, 0] - (linear.c[0] @ np.linalg.solve(a, linear.b[:, 0]) if len(a) else 0.0))
     levels = {parameter.name: parameter.value for parameter in plant.parameters}
-    reference, output = law.inputs[reference_and_measurement(law.inputs)[0]], law.outputs[0]
+    reference, output = inputs[reference_and_measurement(inputs)[0]], outputs[0]
     ends = (levels.get(OUTPUT, 0.0) + gain * (end - levels.get(INPUT, 0.0)) for end in (output.low, output.high))
     low, high = sorted(ends)
     room = ROOM * (high - low)

@@ -8,8 +8,10 @@ from firmloop.design.analysis.contest import Entry, contest
 from firmloop.design.design import Design, Request
 from firmloop.design.tuning import rules
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.simulation.linearize import linearize
 from firmloop.project.project import Project
 from firmloop.stages.plant import located
+from firmloop.stages.reachable import Beyond, beyond_reach
 
 SEARCHING = ("iae", "ise", "itae")  # rules that take seconds, in `tune` or where they are asked for
 
@@ -35,6 +37,12 @@ def compare(project: Project, plant: Plant, usual: Sequence[str]) -> tuple[Entry
     )
     with located(project):
         return contest(request, names, own)
+
+
+def out_of_reach(project: Project, plant: Plant) -> Beyond | None:
+    """Tell what the project's reference asks for beyond what its actuator holds; None where there is nothing."""
+    with located(project):
+        return beyond_reach(project.controller_inputs, project.controller_outputs, plant, linearize(plant))
 
 
 def beside(project: Project, design: Design, plant: Plant) -> tuple[Entry, ...]:

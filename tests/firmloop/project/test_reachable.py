@@ -1,6 +1,8 @@
-"""`design` says which references the actuator cannot hold, and is silent where it can."""
+"""`design` and `tune` say which references the actuator cannot hold, and are silent where it can."""
 
 from __future__ import annotations
+
+import json
 
 import pytest
 
@@ -50,3 +52,36 @@ def test_a_reference_beyond_what_the_heater_holds_is_told(gain, low, high, held,
     assert main(["design", str(tmp_path / "tank.toml"), "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert (f"{held} at rest: what is asked beyond that is never reached" in said) if held else "never" not in said
+
+
+def tuned(tmp_path, capsys, signal, rest):
+    """Return what `tune` prints and leaves of a heater of 0.5 degC a percent, 50 degC from end to end."""
+    text = HEATER.replace("gain = GAIN", f"gain = 0.5\noutput_at_rest = {rest}").replace("kp = KP\nki = 0.0\n", "")
+    text = text.replace("low = LOW, high = HIGH", signal).replace("low = -50, high = 250", "low = -50, high = 400")
+    (tmp_path / "tank.toml").write_text(text + '[tuning]\nrules = ["simc", "amigo"]\n')
+    assert main(["tune", str(tmp_path / "tank.toml"), "--out", str(tmp_path / "out")]) == 0
+    return capsys.readouterr().out, json.loads((tmp_path / "out" / "tuning.json").read_text())
+
+
+def test_tune_says_that_its_step_is_never_reached(tmp_path, capsys):
+    """A quarter of 120 degC from the middle of the output, which goes 25 degC either way."""
+    said, document = tuned(tmp_path, capsys, "low = 80, high = 120", 20.0)
+    words = "the step of 30 degC is never reached: the output stands at its limit, which holds the plant at 25 degC"
+    wide = "at 20 to 70 degC at rest: what is asked beyond that is never reached"
+    assert said.count(words) == said.count(wide) == 1
+    assert sum(words in note or wide in note for note in document["notes"]) == 2
+    for entry in document["rules"]:
+        assert entry["unreached"] == {"size": 30.0, "end": pytest.approx(25.0, rel=2e-3), "unit": "degC"}
+
+
+def test_a_step_of_a_range_far_from_zero_is_never_reached_though_the_range_is(tmp_path, capsys):
+    """In kelvin a quarter of 323 is more than the plant can move; every reference can be held."""
+    said, document = tuned(tmp_path, capsys, "low = 273, high = 323", 273.0)
+    assert "the step of 80.75 degC is never reached" in said and "asked beyond" not in said
+    assert document["rules"][0]["unreached"]["size"] == 80.75
+
+
+def test_tune_is_silent_where_its_step_is_reached(tmp_path, capsys):
+    said, document = tuned(tmp_path, capsys, "low = 20, high = 70", 20.0)
+    assert "never" not in said and not any("never" in note for note in document["notes"])
+    assert [entry["unreached"] for entry in document["rules"]] == [None, None]
