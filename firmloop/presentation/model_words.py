@@ -61,6 +61,7 @@ def model_document(found: BlackBox) -> dict[str, object]:
         "order": len(made.a),
         "period_s": found.period,
         "delay_s": made.delay,
+        "delays_alike_s": [found.delays.least * found.period, found.delays.most * found.period],
         "discrete": {"a": sampled.a.tolist(), "b": sampled.b.tolist(), "c": sampled.c.tolist()},
         "continuous": {"a": made.a.tolist(), "b": made.b.tolist(), "c": made.c.tolist()},
         "poles_rad_s": [[float(pole.real), float(pole.imag)] for pole in poles_of(made)],

@@ -149,8 +149,7 @@ def fit_oe(records: Sequence[Record], order: int, late: int) -> SampledModel:
 
     def residual(values: Array) -> Array:
         model = _companion(values[:order], values[order:], late)
-        parts = [record.output - _simulated(model, record) for record in records]
-        return np.nan_to_num(np.clip(np.concatenate(parts), -1e12, 1e12), nan=1e12)
+        return np.nan_to_num(np.clip(np.concatenate(residuals(model, records)), -1e12, 1e12), nan=1e12)
 
     values, _ = fit_function(residual, start, scale, np.full(len(start), -np.inf), EVALUATIONS)
     return _companion(values[:order], values[order:], late)
@@ -344,6 +343,11 @@ def _simulated(model: SampledModel, record: Record) -> Array:
 
 def _later(signal: Array, rows: int) -> Array:
     return np.concatenate([np.zeros(rows), signal])[: len(signal)]
+
+
+def residuals(model: SampledModel, records: Sequence[Record]) -> list[Array]:
+    """Return what a simulation leaves of every recording."""
+    return [one.output - _simulated(model, one) for one in records]
 
 
 def miss(model: SampledModel, records: Sequence[Record]) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -27,8 +28,16 @@ def least_miss(records: Sequence[Record], order: int, late: int) -> float:
     return prefiltered(records, order, late)[1]
 
 
-def best_delay(records: Sequence[Record], order: int) -> int:
-    """Return the least number of samples whose model leaves no more than the best, as far as noise can tell.
+@dataclass(frozen=True, slots=True)
+class DelaysAlike:
+    """From `least` to `most` samples of delay, of which noise lets none be told from the best."""
+
+    least: int
+    most: int
+
+
+def best_delays(records: Sequence[Record], order: int) -> DelaysAlike:
+    """Return the samples whose models leave no more than the best, as far as noise can tell, from the least on.
 
     The records are tried as they are and without their means, which helps where they rest away from 0 and harms where
     they begin at rest or the plant integrates; the way that leaves less is the one that counts.
@@ -41,11 +50,21 @@ def best_delay(records: Sequence[Record], order: int) -> int:
     left = [tried[late] if late in tried else least_miss(way, order, late) for late in range(last + 1)]
     least = min(left)
     if least == 0.0:
-        return left.index(0.0)
-    found = next(late for late, one in enumerate(left) if rows * math.log(one / least) < CERTAIN)
-    while found > 0 and rows * math.log(miss(fit_oe(way, order, found - 1), way) / least) < CERTAIN:
-        found -= 1  # the iteration does not always reach the best model
-    return found
+        return DelaysAlike(left.index(0.0), left.index(0.0))
+
+    def alike(late: int) -> bool:
+        if not 0 <= late <= last:
+            return False
+        if rows * math.log(left[late] / least) < CERTAIN:
+            return True  # else the iteration may not have reached the best model
+        return rows * math.log(miss(fit_oe(way, order, late), way) / least) < CERTAIN
+
+    found = most = next(late for late, one in enumerate(left) if rows * math.log(one / least) < CERTAIN)
+    while alike(found - 1):
+        found -= 1
+    while alike(most + 1):
+        most += 1
+    return DelaysAlike(found, most)
 
 
 def without_means(records: Sequence[Record]) -> list[Record]:

@@ -71,6 +71,25 @@ def test_a_given_delay_that_the_recording_denies_is_told(tmp_path: Path, capsys:
     assert "model.delay_samples is 2; the recordings ask for 9 samples of delay" in capsys.readouterr().out
 
 
+def test_a_given_delay_that_fits_as_well_as_another_is_no_fault(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two numerator coefficients stand for some samples of delay besides: 13, the true one, is among those alike."""
+    slow, given = np.repeat(np.random.default_rng(11).choice([-1.0, 1.0], 30), 50), "delay_samples = 13\n"
+    document = found(left(tmp_path, slow, 13, 0.1, (0.0, 0.0), f'structure = "arx"\n{given}'))
+    assert "ask for" not in capsys.readouterr().out
+    assert document["delay_s"] == pytest.approx(13 * PERIOD)
+    assert document["delays_alike_s"] == pytest.approx([11 * PERIOD, 15 * PERIOD])
+
+
+def test_a_delay_that_is_found_is_told_with_those_that_fit_alike(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow = np.repeat(np.random.default_rng(11).choice([-1.0, 1.0], 30), 50)
+    found(left(tmp_path, slow, 13, 0.1, (0.0, 0.0), ""))
+    assert "11 samples of delay found by search (11 to 15 fit alike); model.delay_samples" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("noise", [0.01, pytest.param(0.05, marks=pytest.mark.slow), 0.2])
 def test_the_noise_of_a_sensor_does_not_pull_an_arx_model_away(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], noise: float

@@ -19,14 +19,17 @@ from firmloop.identify.bench_tests.blackbox import (
     check_answer,
     check_records,
     continuous,
+    fit_oe,
     integrating,
     least_squares_arx,
     miss,
     redrawn,
+    residuals,
     unstable,
 )
 from firmloop.identify.bench_tests.delay_search import (
-    best_delay,
+    DelaysAlike,
+    best_delays,
     least_miss,
     rest_of_an_integrator,
     spoiled_by_means,
@@ -192,6 +195,7 @@ class BlackBox:
     period: float  # s
     sampled: SampledModel
     made: Continuous
+    delays: DelaysAlike
     plant: Mapping[str, object]
     judged: Mapping[str, Sequence[Mapping[str, object]]]  # by role
     spread: Mapping[str, object] | None  # half widths of 95 % intervals
@@ -222,8 +226,8 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
             period = _period(data.train)
             records = [_record(project, recording) for recording in data.train]
             check_records(records, order, told)
-            found = best_delay(records, order)
-            late = found if searched else told
+            found = best_delays(records, order)
+            late = found.least if searched else told
             _check_means(project, records, order, late)
             sampled = integrating(STRUCTURES[structure](records, order, late), records)
             if unstable(sampled):  # what a plant that integrates begins with is no offset, but spoils the equations
@@ -241,12 +245,12 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
             spread = _spread(structure, records, sampled, period, judged["train"])
     cut = cut_input(project, data.train)
     about = (
-        _about_delay(searched, late, found),
+        _found_delay(found) if searched else _given_delay(records, order, late, found),
         _about_noise(structure, records, order, late),
         *(_about_rest(one, structure) for one in judged["train"]),
     )
     notes = (*data.notes, *filter(None, about))
-    return BlackBox(structure, period, sampled, made, plant, judged, spread, cut, notes)
+    return BlackBox(structure, period, sampled, made, found, plant, judged, spread, cut, notes)
 
 
 def _check_means(project: Project, records: Sequence[Record], order: int, late: int) -> None:
@@ -294,9 +298,31 @@ def _about_rest(judged: Mapping[str, object], structure: str) -> str:
     )
 
 
-def _about_delay(searched: bool, late: int, found: int) -> str:
-    """Say where a delay comes from that nobody gave, or that the recordings ask for another than the given one."""
-    samples = f"{found} sample{'' if found == 1 else 's'} of delay"
-    if not searched:
-        return "" if late == found else f"model.delay_samples is {late}; the recordings ask for {samples}"
-    return f"{samples} found by search; model.delay_samples sets another" if found else ""
+def _samples(found: DelaysAlike, where: str = "") -> str:
+    """Tell the least delay, where it was found, and up to which one others do as well."""
+    alike = f" ({found.least} to {found.most} fit alike)" if found.most > found.least else ""
+    return f"{found.least} sample{'' if found.least == 1 else 's'} of delay{where}{alike}"
+
+
+def _found_delay(found: DelaysAlike) -> str:
+    """Say where a delay comes from that nobody gave."""
+    return f"{_samples(found, ' found by search')}; model.delay_samples sets another" if found.most else ""
+
+
+def _given_delay(records: Sequence[Record], order: int, told: int, found: DelaysAlike) -> str:
+    """Say that the recordings ask for another delay than the given one, where that does worse by any measure.
+
+    What it leaves may be white, though another leaves a little less.
+    """
+    if found.least <= told <= found.most:
+        return ""
+    own, other = (_whiteness(fit_oe(records, order, late), records) for late in (told, found.least))
+    if own >= max(WHITE, other):
+        return ""
+    return f"model.delay_samples is {told}; the recordings ask for {_samples(found)}"
+
+
+def _whiteness(model: SampledModel, records: Sequence[Record]) -> float:
+    """Return the least probability with which what a simulation leaves of a recording would be white."""
+    tests = [residual_tests(left, one.drive) for one, left in zip(records, residuals(model, records), strict=True)]
+    return min(one.whiteness for one in tests)
