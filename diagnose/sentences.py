@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from firmloop.diagnose.discrepancy.fit import Shape
-from firmloop.diagnose.finding import Finding, Shift
+from firmloop.diagnose.finding import Finding, Named, Shift
 from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.policy import (
     CHANCE_DRAWS,
@@ -22,7 +22,8 @@ from firmloop.diagnose.policy import (
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.own_values import OwnValue
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.attach import chosen_place
+from firmloop.identify.plants.plant import EffectUse, Plant
 
 
 def paragraph(
@@ -50,7 +51,8 @@ def paragraph(
         said.append(f"Something is missing that no effect of the library explains.{follows}")
     elif finding.verdict == "ambiguous":
         common = set.intersection(*({t.effect.name for t in each.fitted.terms} for each in (search.best, *others)))
-        names = [", ".join(e.name for e in finding.effects if (e.name in common) == part) for part in (True, False)]
+        told = [(each, _placed(search.problem.plant, each)) for each in finding.effects]
+        names = [", ".join(name for e, name in told if (e.name in common) == part) for part in (True, False)]
         said.append(
             f"More than one explanation stands: all hold {names[0]}, and are not told apart beside it: {names[1]}."
             if all(names)
@@ -90,6 +92,12 @@ def paragraph(
     if finding.untestable:
         said.append(f"Cannot be tested with these recordings: {', '.join(sorted(finding.untestable))}.")
     return tuple(said)
+
+
+def _placed(plant: Plant, each: Named) -> str:
+    """Name an effect, with its place where it could act at another."""
+    place = chosen_place(plant, EffectUse(each.name, each.output, {}))
+    return each.name if place is None else f"{each.name} at {each.at}"
 
 
 def _own(one: OwnValue) -> str:

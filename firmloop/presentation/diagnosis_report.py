@@ -19,6 +19,7 @@ from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.diagnose.policy import IMPOSSIBLE
 from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.attach import chosen_place
 from firmloop.presentation.code_words import figure, percent
 from firmloop.presentation.figures import DATA, DOT, DRIVE, LIMIT, MODEL, labelled, styled, svg, thinned
 from firmloop.presentation.page import origin, page
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from firmloop.diagnose.controller.replay import Cut
     from firmloop.diagnose.discrepancy.fit import Shape
     from firmloop.diagnose.finding import Finding, Shift
+    from firmloop.diagnose.model.hypothesis import LibraryTerm
     from firmloop.diagnose.run import Diagnosis
     from firmloop.diagnose.search.found import Search
     from firmloop.identify.plants.plant import Plant
@@ -83,7 +85,7 @@ def effects_table(finding: Finding) -> list[str]:
     rows = [
         (
             each.name,
-            each.output or "",
+            each.output or each.at,
             percent(100.0 * each.probability, ".0f"),
             key,
             figure(estimate.value, ".5g"),
@@ -93,7 +95,7 @@ def effects_table(finding: Finding) -> list[str]:
         for each in finding.effects
         for key, estimate in each.parameters.items()
     ]
-    head = ("effect", "output", "probability", "parameter", "value", "95 % interval", "unit")
+    head = ("effect", "acts at", "probability", "parameter", "value", "95 % interval", "unit")
     return ["<h2>Left out</h2>", page_table(head, rows)] if rows else []
 
 
@@ -288,11 +290,17 @@ def ranking_table(search: Search) -> str:
     rows = []
     for turn, candidates in enumerate(search.rounds):
         for candidate in candidates:
-            names = " + ".join(term.label for term in candidate.fitted.terms)
+            names = " + ".join(_placed(search, term) for term in candidate.fitted.terms)
             cannot = candidate.score > 0.5 * IMPOSSIBLE
             gain = NO_GAIN if cannot else figure(search.nominal.score - candidate.score, ".1f")
             rows.append((str(turn + 1), names, gain))
     return page_table(("round", "explanation", "drop of BIC against the refitted nominal plant"), rows)
+
+
+def _placed(search: Search, term: LibraryTerm) -> str:
+    """Name an effect and its place, the first one too where there is a choice."""
+    place = term.output or term.at or chosen_place(search.problem.plant, term.use({}))
+    return term.label if place is None else f"{term.effect.name} of {place}"
 
 
 def _untestable(finding: Finding, made: Diagnosis) -> list[str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from firmloop.console import table
 from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.attach import told_names
 from firmloop.presentation.code_words import figure, in_unit, percent, quantity
 
 if TYPE_CHECKING:
@@ -66,8 +67,8 @@ def about_fit(fit: Fit) -> list[str]:
 
 def parameter_rows(plant: Plant) -> list[tuple[str, str, str, str]]:
     """Tell every parameter: name, value, 95 % interval, unit."""
-    means = {one.parameter for one in plant.varying}
-    return [(p.name, *(_mean(p) if p.name in means else estimate(p))) for p in plant.parameters]
+    means, told = {one.parameter for one in plant.varying}, told_names(plant)
+    return [(told[p.name], *(_mean(p) if p.name in means else estimate(p))) for p in plant.parameters]
 
 
 def _mean(parameter: Parameter) -> tuple[str, str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from threadpoolctl import threadpool_limits
@@ -10,6 +11,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.checks import first_causes, refuse, told
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import Fit, estimate, judge
+from firmloop.identify.plants.attach import told_names
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.simulation.bridge_columns import check_bridges
@@ -46,8 +48,17 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
     limits = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
     seen = () if failed else limits
     own = () if first_causes(remarks) else fitted.warnings
-    said = (*data.notes, *(one.says for one in remarks), *own, *filter(None, seen))
+    noted = (_placed(fitted.plant, text) for text in (*(one.says for one in remarks), *own))
+    said = (*data.notes, *noted, *filter(None, seen))
     return replace(fitted, warnings=tuple(dict.fromkeys(said)))
+
+
+def _placed(plant: Plant, text: str) -> str:
+    """Tell parameters in a remark with their places, as the table of them does."""
+    for name, placed in told_names(plant).items():
+        if placed != name:
+            text = re.sub(rf"(?<![\w.]){re.escape(name)}(?!\w)", placed, text)
+    return text
 
 
 def fit_alone(project: Project, data: Data) -> Fit:

@@ -19,12 +19,14 @@ __all__ = [
     "EffectUse",
     "acts_at",
     "all_uses",
+    "chosen_place",
     "inside_of",
     "label_of",
     "parameters_of",
     "placed",
     "places_of",
     "site_of",
+    "told_names",
     "values_of",
     "with_effects",
     "with_position",
@@ -207,6 +209,29 @@ def all_uses(plant: Plant) -> tuple[EffectUse, ...]:
             values = MappingProxyType({p.name: p.neutral for p in known})
             uses.append(EffectUse(effect.name, output, values, at=at))
     return tuple(uses)
+
+
+def chosen_place(plant: Plant, use: EffectUse) -> str | None:
+    """Name the place of an effect that has to say it: a plant written as text has several balances for it.
+
+    None where the effect acts on readings or the input, or can act at one place only.
+    """
+    choice = plant.kind == "ode" and use.output is None and len(places_of(plant, find_effect(use.name))) > 1
+    return acts_at(plant, use) if choice else None
+
+
+def told_names(plant: Plant) -> Mapping[str, str]:
+    """Return how each parameter is told, by its name: with the place wherever there is a choice of it.
+
+    The name itself leaves out the first place.
+    """
+    told = {p.name: p.name for p in plant.parameters}
+    for use in plant.effects:
+        label, place = label_of(plant, use), chosen_place(plant, use)
+        if place is not None and label == use.name:
+            own = (p.name for p in parameters_of(plant, use.name, use.output, use.at))
+            told |= {f"{label}.{name}": f"{label}.{place}.{name}" for name in own}
+    return told
 
 
 def acts_at(plant: Plant, use: EffectUse) -> str:

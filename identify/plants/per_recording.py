@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.plants.attach import label_of, parameters_of, places_of, values_of, with_effects
+from firmloop.identify.plants.attach import label_of, parameters_of, places_of, told_names, values_of, with_effects
 from firmloop.identify.plants.effects import candidates
 from firmloop.identify.plants.further_states import with_states, without_states
 from firmloop.identify.plants.plant import EffectUse, Plant, Varying
@@ -40,6 +40,7 @@ def with_varying(plant: Plant, names: Sequence[str]) -> Plant:
     if not names:
         return plant
     known = _can_be_listed(plant)
+    known = {**known, **{told: known[name] for name, told in told_names(plant).items() if told != name}}
     for name in names:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)

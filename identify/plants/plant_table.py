@@ -8,7 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.plants.attach import label_of, parameters_of, places_of, with_effects
+from firmloop.identify.plants.attach import chosen_place, label_of, parameters_of, places_of, with_effects
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.kinds import deviation_of, make_plant
 from firmloop.identify.plants.ode import make_ode
@@ -53,7 +53,7 @@ def effects_table(plant: Plant) -> list[dict[str, object]]:
         if use.output is not None:
             entry["output"] = use.output
         places = places_of(plant, find_effect(use.name))
-        if use.at is not None or _is_choice(plant, use):
+        if use.at is not None or chosen_place(plant, use) is not None:
             entry["at"] = use.at if use.at is not None else places[0]
         label = label_of(plant, use)
         for known in parameters_of(plant, use.name, use.output, use.at):
@@ -72,11 +72,6 @@ def _entry(parameter: Parameter) -> object:
     return entry
 
 
-def _is_choice(plant: Plant, use: EffectUse) -> bool:
-    """Tell whether an effect has to say where it acts: a plant written as text has several balances for it."""
-    return plant.kind == "ode" and use.output is None and len(places_of(plant, find_effect(use.name))) > 1
-
-
 def _check_place(plant: Plant, use: EffectUse) -> None:
     """Refuse a place that is not used, and one that is not said where there is a choice."""
     effect = find_effect(use.name)
@@ -86,7 +81,7 @@ def _check_place(plant: Plant, use: EffectUse) -> None:
         raise IdentifyError(f"{where}.output {use.output!r} is not used: it acts on no reading; {way}")
     if use.output is not None and use.at is not None:
         raise IdentifyError(f"{where} has output and at; it needs one of them")
-    if use.at is None and _is_choice(plant, use):
+    if use.at is None and chosen_place(plant, use) is not None:
         places = places_of(plant, effect)
         raise IdentifyError(
             f'{where}.at is missing: it can act at {", ".join(places)}; write at = "{places[0]}", for instance'
