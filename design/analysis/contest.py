@@ -21,12 +21,12 @@ from firmloop.design.analysis.loop import (
     step_profile,
 )
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
-from firmloop.design.analysis.unreached import Unreached, unreached
 from firmloop.design.design import Design, Request, check_signals
 from firmloop.design.kinds.pid.kind import GAIN_KEYS, find_wires, room
 from firmloop.design.kinds.pid.kind import KEYS as PID_KEYS
 from firmloop.design.kinds.pid.kind import design as design_pid
 from firmloop.design.law import DesignError
+from firmloop.design.roles import reference_and_measurement
 from firmloop.design.table import real
 from firmloop.design.tuning import rules
 from firmloop.identify.plants.plant import Plant
@@ -44,6 +44,15 @@ class LoadMetrics:
     peak: float  # furthest from the reference, unit of the measurement
     recovery_s: float  # until 5 % of the peak is never left again; infinite where that is not reached
     iae: float  # unit of the measurement times s
+
+
+@dataclass(frozen=True, slots=True)
+class Unreached:
+    """A step of `size` that the output's limit ends at `end`, both in `unit`: its figures are of what comes."""
+
+    size: float
+    end: float
+    unit: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +153,10 @@ def _measured(entry: Entry, plant: Plant, linear: Linear, samples: int, load: fl
 
     step, pushed, noise = measured(linear)
     made = replace(entry, step=step_metrics(step), load=pushed, noise_gain=noise, halves=half_widths(plant, figures))
-    return replace(made, unreached=unreached(law, step))
+    if not step.held_back:
+        return made
+    unit = law.inputs[reference_and_measurement(law.inputs)[1]].unit
+    return replace(made, unreached=Unreached(float(step.reference[-1]), float(step.measurement[-1]), unit))
 
 
 def load_metrics(trajectory: Trajectory) -> LoadMetrics:

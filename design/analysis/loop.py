@@ -35,6 +35,7 @@ BLOCK = 500  # samples run at one go: what builds a run of n samples takes n log
 SLOWEST = 1 - 1e-9  # a pole above it counts as one at rest
 AT_REST = 1e-9  # an open loop's pole this close to z = 1 counts as an integrator
 ON_CIRCLE = 1e-12  # a pole this close to the unit circle is not called stable: rounding may have put it there
+STAYS = 0.05  # of a step: the wider of the two bands that it settles in
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +65,12 @@ class Trajectory:
     measurement: Array
     output: Array
     saturated: npt.NDArray[np.bool_]  # a flag of the law is raised
+
+    @property
+    def held_back(self) -> bool:
+        """Whether the output ends at its limit and the measurement farther than 5 % of the step from the reference."""
+        asked, came = float(self.reference[-1]), float(self.measurement[-1])
+        return bool(self.saturated[-1]) and abs(asked - came) > STAYS * abs(asked)
 
 
 @dataclass(frozen=True, slots=True)

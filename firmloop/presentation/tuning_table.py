@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from firmloop.console import table
 from firmloop.presentation.documents import fields_document, finite
-from firmloop.presentation.words import NO_LIMIT, NOT_REACHED, about_unreached, no_finer
+from firmloop.presentation.words import NO_LIMIT, NOT_REACHED, UNREACHED, no_finer, short_of
 
 if TYPE_CHECKING:
     from firmloop.design.analysis.contest import Entry
@@ -41,7 +41,11 @@ def contest_notes(entries: Sequence[Entry]) -> list[str]:
         "step whose figures design prints by themselves begins at rest with output 0"
         for about in sorted({entry.about for entry in entries} - {0.0})
     ]
-    held = about_unreached(entry.unreached for entry in entries)
+    ends = [entry.unreached for entry in entries if entry.unreached is not None]
+    held = [
+        f"  note: {UNREACHED}: {short}; rise, settling, overshoot and step IAE are of what comes, whatever the gains"
+        for short in dict.fromkeys(short_of(each.end, each.size, each.unit) for each in ends)
+    ]
     return [*told, *held, *(note if any(entry.halves for entry in entries) else [])]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +15,6 @@ from firmloop.presentation.code_words import figure, in_unit, percent, quantity
 
 if TYPE_CHECKING:
     from firmloop.design.analysis.loop import Margins, StepMetrics
-    from firmloop.design.analysis.unreached import Unreached
     from firmloop.design.design import Design
     from firmloop.identify.fitting.fit import Fit
     from firmloop.identify.fitting.own_values import OwnValue
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from firmloop.stages.verification import Outcome
     from firmloop.verify.verdict import Verdict
 
-STAYS = 0.05  # of a step: the wider of the two bands that it settles in
+UNREACHED = "reference not reached"
 NO_LIMIT, NOT_REACHED = "no limit", "not reached"  # what it means where a margin, or a time, is infinite
 MARGINS = (
     ("gain margin", "gain_margin_db", "dB"),
@@ -121,8 +120,7 @@ def about_loop(loop: Loop) -> list[str]:
     """Margins and step metrics, no digits that the plant's intervals do not hold."""
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
     rows = [(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]
-    reach = about_reach(loop.beyond) + about_unreached([loop.unreached])
-    return table(rows) + note + _about_the_rate(loop) + reach + _about_points(loop)
+    return table(rows) + note + _about_the_rate(loop) + about_reach(loop.beyond) + _about_points(loop)
 
 
 def about_reach(found: Beyond | None) -> list[str]:
@@ -135,17 +133,6 @@ def about_reach(found: Beyond | None) -> list[str]:
         f"from {drive.low:.4g} to {in_unit(f'{drive.high:.4g}', drive.unit)} holds the plant at {found.low:.4g} to "
         f"{in_unit(f'{found.high:.4g}', asked.unit)} at rest: what is asked beyond that is never reached; narrow "
         f"signals.{asked.name}, or check the plant's gain and its level of rest"
-    ]
-
-
-def about_unreached(steps: Iterable[Unreached | None]) -> list[str]:
-    """Say so where the steps that figures are of never get to their reference."""
-    held = {step.size: step for step in steps if step is not None}
-    return [
-        f"  note: the step of {in_unit(f'{step.size:.4g}', step.unit)} is never reached: the output stands at its "
-        f"limit, which holds the plant at {in_unit(f'{step.end:.3g}', step.unit)}; rise, settling time and overshoot "
-        "are of the plant's way to there, and tell nothing of the gains"
-        for step in held.values()
     ]
 
 
@@ -187,11 +174,15 @@ def margin_rows(loop: Loop) -> list[tuple[str, str]]:
 def step_rows(loop: Loop) -> list[tuple[str, str]]:
     """Step metrics, likewise; where the actuator cannot do the step, what comes of it instead."""
     step, figures = loop.step, _figure_rows(loop, loop.metrics, METRICS, NOT_REACHED)
-    asked, came = float(step.reference[-1]), float(step.measurement[-1])
-    if not (loop.margins.stable and step.saturated[-1] and abs(asked - came) > STAYS * abs(asked)):
+    if not (loop.margins.stable and step.held_back):
         return figures
-    short = f"{came:.3g} of {asked:.3g}, the output at its limit; the figures below are of what comes"
-    return [("reference not reached", short), *figures]
+    short = short_of(float(step.measurement[-1]), float(step.reference[-1]))
+    return [(UNREACHED, f"{short}; the figures below are of what comes"), *figures]
+
+
+def short_of(came: float, asked: float, unit: str = "") -> str:
+    """Tell how far a step has come where the output's limit ends it."""
+    return f"{came:.3g} of {in_unit(f'{asked:.3g}', unit)}, the output at its limit"
 
 
 def _figure_rows(

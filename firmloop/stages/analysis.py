@@ -19,7 +19,6 @@ from firmloop.design.analysis.loop import (
     step_profile,
 )
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
-from firmloop.design.analysis.unreached import Unreached, unreached
 from firmloop.design.design import Design
 from firmloop.design.law import Horizon
 from firmloop.identify.plants.plant import Plant
@@ -46,7 +45,6 @@ class Loop:
     points: tuple[tuple[str, Margins], ...]  # at each operating point, where the controller has several
     bode: Bode | None = None
     beyond: Beyond | None = None  # a reference that the actuator cannot hold the plant at
-    unreached: Unreached | None = None  # where a limit keeps `step` from its reference
 
 
 def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
@@ -79,8 +77,7 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         to_rest = samples_to_rest(law, linear) * law.period if found.stable else 0.0
         followed = bode(law, plant, found.crossover_rad_s)
         beyond = beyond_reach(law.inputs, law.outputs, plant, linear)
-        held = unreached(law, step) if found.stable else None
-        return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond, held)
+        return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond)
 
 
 def _moves(step: Trajectory) -> bool:

@@ -226,7 +226,7 @@ def told_names(plant: Plant) -> Mapping[str, str]:
     The name itself leaves out the first place.
     """
     told = {p.name: p.name for p in plant.parameters}
-    for use in plant.effects:
+    for use in plant.effects if any("." in name for name in told) else ():  # an effect's have a label and a dot
         label, place = label_of(plant, use), chosen_place(plant, use)
         if place is not None and label == use.name:
             own = (p.name for p in parameters_of(plant, use.name, use.output, use.at))
