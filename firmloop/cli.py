@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import NoReturn
 
+from firmloop.arithmetic import settle
 from firmloop.commands import command_names, load_command
 from firmloop.console import (
     Console,
@@ -65,7 +66,7 @@ def _run(argv: Sequence[str] | None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")  # a terminal that knows ASCII only must not end a walk
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small here: threads only wait for each other
+    settle()
     if path := os.environ.get("PATH"):  # an empty part means the folder one stands in, which may be a stranger's
         os.environ["PATH"] = os.pathsep.join(part for part in path.split(os.pathsep) if os.path.isabs(part))
     given = sys.argv[1:] if argv is None else argv

@@ -6,13 +6,13 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-# As the command line has it, before anything loads numpy: a second thread would only wait for the first.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 import pytest
 from hypothesis import settings
 
+from firmloop.arithmetic import settle
 from firmloop.codegen.target import Target, load_target, target_names
+
+settle()  # as the command line does, before anything loads numpy
 
 RECORDINGS = Path(os.environ.get("FIRMLOOP_RECORDINGS", Path(__file__).parent.parent.parent / "shared" / "recordings"))
 Once = Callable[[str, Callable[[Path], object]], Path]  # see the fixture `once`

@@ -77,7 +77,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("run",),
     ),
     "firmloop": (
-        ("console", "project", "version"),
+        ("arithmetic", "console", "project", "version"),
         ("output", "stages"),
         ("presentation", "scope"),
         ("door",),
