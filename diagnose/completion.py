@@ -7,14 +7,14 @@ from dataclasses import replace
 
 from firmloop.diagnose.discrepancy.disturbance import rivals_noise
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weighed
-from firmloop.diagnose.model.batch_means import with_lasting
+from firmloop.diagnose.model.batch_means import with_disturbances
 from firmloop.diagnose.model.candidate import Candidate, closer, rated, without
 from firmloop.diagnose.model.continuation import met
 from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
 from firmloop.diagnose.model.kinks import limits, polished
 from firmloop.diagnose.model.profile_likelihood import profiled
-from firmloop.diagnose.model.sandwich_covariance import doubtful, with_pushes
+from firmloop.diagnose.model.sandwich_covariance import doubtful
 from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
 from firmloop.diagnose.policy import (
     CHANCE_GAIN,
@@ -192,8 +192,7 @@ def _certain(problem: Problem, fitted: Fitted) -> Fitted:
 
 def with_doubts(problem: Problem, fitted: Fitted) -> Fitted:
     """Widen the deviations to what slow disturbances leave of them, and what no noise model tells of."""
-    noises = noises_of(problem, fitted.residuals)
-    return with_doubt_of_given(problem, with_lasting(problem, with_pushes(problem, fitted, noises), noises))
+    return with_doubt_of_given(problem, with_disturbances(problem, fitted))
 
 
 def _past_kinks(problem: Problem, candidate: Candidate, owed: float) -> Candidate:

@@ -45,7 +45,7 @@ from firmloop.diagnose.search.usual_values import untold
 from firmloop.diagnose.sentences import paragraph
 from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.attach import acts_at, chosen_place, parameters_of
+from firmloop.identify.plants.attach import acts_at, parameters_of
 from firmloop.identify.plants.effect import EffectParameter
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
@@ -278,7 +278,7 @@ def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability:
         value = candidate.fitted.point.values.get(key, each.neutral)
         interval = _interval(each, value, NORMAL_95 * spread.get(key, math.inf))
         estimates[each.name] = Estimate(value, interval, each.unit)
-    place = term.output or term.at or chosen_place(problem.plant, term.use({}))
+    place = term.place_told(problem.plant)
     says = f"{term.effect.says.rstrip('.')}" + (f" ({place})" if place else "")
     figures = ", ".join(f"{name} {_with_interval(each)}" for name, each in estimates.items())
     return Named(

@@ -64,12 +64,16 @@ def _answers(search: Search) -> bool:
     problem, refit = search.problem, search.refit
     if refit is None or len(refit.inputs) != 1:
         return False
+    drive = refit.inputs[0].name
+    still = [k for k, each in enumerate(problem.train) if np.mean(np.diff(each.columns[drive]) == 0.0) > HELD_INPUT]
+    if not still:
+        return False
     plant = with_effects(refit, ())
     point = fit_starts(problem, problem.train, {p.name: p.value for p in refit.parameters}, flat(search.nominal.noises))
-    for k, recording in enumerate(problem.train):
-        held = np.diff(recording.columns[plant.inputs[0].name]) == 0.0
+    for k in still:
+        recording = problem.train[k]
         left = residual_of(problem, recording, point, k)
-        if np.mean(held) > HELD_INPUT and np.all(np.isfinite(left)):
+        if np.all(np.isfinite(left)):
             given = features(plant, recording, outputs_of(problem, recording) - left)
             if any(answering(column, given) > 0.0 for column in left.T):
                 return True

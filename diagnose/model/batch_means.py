@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import creeps, without
-from firmloop.diagnose.model.fit import Fitted, deviations, widened
+from firmloop.diagnose.model.fit import Fitted, deviations, noises_of, widened
 from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Problem
-from firmloop.diagnose.model.sandwich_covariance import Sizes, batches, pushed, sizes_of
+from firmloop.diagnose.model.sandwich_covariance import Sizes, batches, pushed, sizes_of, with_pushes
 from firmloop.diagnose.policy import BATCHES, CHANCE_GAIN, LOAD_BY_CHANCE, PULL_BY_CHANCE, WITHIN_BATCHES
 from firmloop.identify.fitting.noise import Noise, colored
 
@@ -105,6 +105,12 @@ def with_lasting(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> F
         for each in fitted.coordinates
     ]
     return widened(fitted, np.array(factors))
+
+
+def with_disturbances(problem: Problem, fitted: Fitted) -> Fitted:
+    """Widen the deviations of a fit to what the slow disturbances that it leaves may have done to it."""
+    noises = noises_of(problem, fitted.residuals)
+    return with_lasting(problem, with_pushes(problem, fitted, noises), noises)
 
 
 def _rounded(term: LibraryTerm) -> float:

@@ -22,7 +22,15 @@ from firmloop.diagnose.policy import (
     SLOW_NOISE,
 )
 from firmloop.identify.fitting.own_values import usual_start
-from firmloop.identify.plants.attach import EffectUse, all_uses, label_of, parameters_of, site_of, values_of
+from firmloop.identify.plants.attach import (
+    EffectUse,
+    all_uses,
+    chosen_place,
+    label_of,
+    parameters_of,
+    site_of,
+    values_of,
+)
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.per_recording import named_effects
@@ -56,6 +64,10 @@ class LibraryTerm:
         """Name that tells the place too."""
         place = self.output if self.at is None else self.at
         return self.effect.name if place is None else f"{self.effect.name} of {place}"
+
+    def place_told(self, plant: Plant) -> str | None:
+        """Name what it acts on, the first body too where it could act at another; None where there is no choice."""
+        return self.output or self.at or chosen_place(plant, self.use({}))
 
     def use(self, values: Mapping[str, float]) -> EffectUse:
         """Return the effect as a plant has it, with values by full name; what has none changes nothing."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.batch_means import with_lasting
+from firmloop.diagnose.model.batch_means import with_disturbances
 from firmloop.diagnose.model.candidate import (
     Candidate,
     believable,
@@ -20,7 +20,6 @@ from firmloop.diagnose.model.candidate import (
 )
 from firmloop.diagnose.model.fit import Fitted, ended, fit, inverse, noises_of, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
-from firmloop.diagnose.model.sandwich_covariance import with_pushes
 from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
 from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS, WIDER_RMS
 from firmloop.diagnose.search.exchange import slimmer
@@ -149,9 +148,7 @@ def _doubted(kept: Search, before: Fitted) -> Search:
     fitted = kept.best.fitted
     if fitted.residuals is before.residuals:
         return kept
-    noises = noises_of(kept.problem, fitted.residuals)
-    fitted = with_lasting(kept.problem, with_pushes(kept.problem, fitted, noises), noises)
-    return replace(kept, best=replace(kept.best, fitted=fitted))
+    return replace(kept, best=replace(kept.best, fitted=with_disturbances(kept.problem, fitted)))
 
 
 def _rival(found: Search, bench: _Bench) -> Kept | None:

@@ -24,7 +24,7 @@ def check_noun(verb: str, given: object, *taken: type) -> None:
         return
     names = [f"{'an' if noun.__name__[0] in 'AEIOU' else 'a'} {noun.__name__}" for noun in taken]
     takes = " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-    kind = "None" if given is None else f"{type(given).__name__}"
+    kind = "None" if given is None else type(given).__name__
     if isinstance(given, str | os.PathLike):
         way = f"read the file first: firmloop.load({os.fspath(given)!r})"
     elif isinstance(getattr(given, "project", None), Project):

@@ -19,7 +19,6 @@ from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.diagnose.policy import IMPOSSIBLE
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.attach import chosen_place
 from firmloop.presentation.code_words import figure, percent
 from firmloop.presentation.figures import DATA, DOT, DRIVE, LIMIT, MODEL, labelled, styled, svg, thinned
 from firmloop.presentation.page import origin, page
@@ -299,7 +298,7 @@ def ranking_table(search: Search) -> str:
 
 def _placed(search: Search, term: LibraryTerm) -> str:
     """Name an effect and its place, the first one too where there is a choice."""
-    place = term.output or term.at or chosen_place(search.problem.plant, term.use({}))
+    place = term.place_told(search.problem.plant)
     return term.label if place is None else f"{term.effect.name} of {place}"
 
 
