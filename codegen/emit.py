@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from firmloop.codegen.bundle import Bundle, CodegenError
 from firmloop.codegen.environment import render, text_of
-from firmloop.codegen.names import check_identifier
+from firmloop.codegen.names import check_identifier, made_of
 from firmloop.codegen.view import c_type, physical, program_view, setter_name, supports_of
 from firmloop.quantize.program import Program, Value
 
@@ -89,8 +89,7 @@ def _entry(value: Value) -> dict[str, object]:
 
 def _check_names(program: Program) -> None:
     check_identifier(program.name, "project name")
-    own = {setter_name(program, v) for v in program.parameters}
-    own |= {f"{program.name}{end}" for end in ("_t", "_in_t", "_out_t", "_init", "_step", "_assert_layout")}
+    own = {*made_of(program.name), *(setter_name(program, v) for v in program.parameters)}
     for value in (*program.inputs, *program.outputs, *program.state):
         check_identifier(value.name, "signal")
         if value.name in own:

@@ -6,6 +6,7 @@ import math
 import re
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -210,7 +211,7 @@ def _c_name(name: str) -> str:
     words = re.findall(r"[a-z0-9]+", name.lower())
     plain = "_".join(words)[:LONGEST].strip("_")
     plain = plain if plain and plain[0].isalpha() else f"plant_{plain}"[:LONGEST].strip("_")
-    try:
-        return check_identifier(plain, "project name")
-    except CodegenError:
-        return f"{plain[:24]}_loop"
+    for own in (plain, f"{plain[:24]}_loop"):
+        with suppress(CodegenError):
+            return check_identifier(own, "project name")
+    return f"loop_{plain[:24]}".strip("_")  # of a name whose beginning is taken, such as fl_

@@ -353,6 +353,16 @@ def test_the_commands_that_are_shown_can_be_copied_into_a_shell(
     assert shlex.split(first)[4:] == ["firmloop", "design", f"{name}.toml"]
 
 
+@pytest.mark.parametrize(("stem", "name"), [("time", "time_loop"), ("fl_run", "loop_fl_run")])
+def test_a_file_called_like_what_c_has_gives_a_name_that_is_free(
+    stem: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(f"{stem}.csv").write_text(text("time_s,heater_percent,temperature_C", np.arange(len(POWER)), POWER, HEATED))
+    assert main(["init", f"{stem}.csv"]) == 0
+    assert tomllib.loads(Path(f"{stem}.toml").read_text())["name"] == name
+
+
 @pytest.mark.parametrize("kind", ["csv", "npz"])
 def test_stamps_of_a_calendar_are_in_seconds_and_no_unit_is_assumed(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
