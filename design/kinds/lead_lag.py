@@ -3,9 +3,10 @@
     C(s) = gain (s/zero + 1) / (s/pole + 1),    u = min(max(C e, u_min), u_max)
 
 Keys: `gain`, `zero_rad_s`, `pole_rad_s`, a lead where the zero is below the pole; or `gain`, `frequency_rad_s` and
-`phase_deg` (from -90 to 90, both left out): the pair that shifts the phase by that much at that frequency, where its
-magnitude is sqrt(pole/zero) gain (Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 7th ed.,
-section 6.7). `discretize` (default "tustin"), `prewarp_rad_s`, `form`, `u_min`, `u_max` as in `transfer_function.py`.
+`phase_deg` (from -89 to 89; at 90 the two would lie infinitely far apart): the pair that shifts the phase by that much
+at that frequency, where its magnitude is sqrt(pole/zero) gain (Franklin, Powell and Emami-Naeini, Feedback Control of
+Dynamic Systems, 7th ed., section 6.7). `discretize` (default "tustin"), `prewarp_rad_s`, `form`, `u_min`, `u_max` as in
+`transfer_function.py`.
 """
 
 from __future__ import annotations

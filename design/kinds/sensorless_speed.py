@@ -64,7 +64,9 @@ def design(request: Request) -> Design:
     )
     says = f"speed observer from voltage and current: bandwidth {bandwidth:.6g} rad/s"
     low, high = limits(table, request.outputs)
-    law = limited_law(request, Draft(says, z, state, (x[1],), {"unlimited": ("rad/s", x[1])}), low, high)
+    remedy = "a higher bandwidth_rad_s forgets sooner"
+    draft = Draft(says, z, state, (x[1],), {"unlimited": ("rad/s", x[1])}, remedy=remedy)
+    law = limited_law(request, draft, low, high)
     figures = {f"K_{k}": float(value) for k, value in enumerate(gain, 1)} | {"bandwidth_rad_s": bandwidth}
     return Design(law, figures, None)
 

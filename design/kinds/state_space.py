@@ -63,7 +63,7 @@ def draft(request: Request) -> Draft:
     named = {end: (wire.unit, value) for end, wire, value in zip(ends, request.outputs, outputs, strict=True)}
     says = f"state space: {order} state{'' if order == 1 else 's'}, {wires} in, {drives} out"
     figures = {"slowest_pole": float(np.max(np.abs(np.linalg.eigvals(a)), initial=0.0))}
-    return Draft(says, z, state, outputs, named, figures)
+    return Draft(says, z, state, outputs, named, figures, remedy="x_min and x_max limit it")
 
 
 KIND = Kind(

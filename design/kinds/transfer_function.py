@@ -9,7 +9,8 @@ poles; for s `discretize = "tustin"` (default), "zoh", "matched", "prewarp" (wit
 The limit stands behind the filter: the state goes on as if there were none.
 
 A pole outside the unit circle is an error. One on the circle (an integrator) gives a law whose state has no range,
-which only floating point can hold.
+which only floating point can hold: in fixed point an integral needs `kind = "pid"` with `anti_windup`, or
+`kind = "state_space"` with `x_min` and `x_max`, which limit it.
 """
 
 from __future__ import annotations

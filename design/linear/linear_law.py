@@ -22,8 +22,8 @@ Array = npt.NDArray[np.float64]
 MOST_STATES = 64  # of which the proof takes a second
 L1_WHY = "L1 norm of the impulse response from all inputs at the ends of their ranges"
 LIMIT_WHY = "limited to x_min and x_max"
-SLOW_WHY = "no bound: a pole so near to the unit circle that roundings may add up; x_min and x_max would limit it"
-CIRCLE_WHY = "no bound: a pole on the unit circle keeps what it is given; x_min and x_max would limit it"
+SLOW_WHY = "no bound: a pole so near to the unit circle that roundings may add up"
+CIRCLE_WHY = "no bound: a pole on the unit circle keeps what it is given"
 INTEGRAL_WHY = "it moves outward only while the unlimited output is within its limits, at most one step beyond"
 
 
@@ -166,7 +166,8 @@ def state_ranges(
     if forgetting:
         spans, drives = np.maximum(np.abs(least), np.abs(most)), np.maximum(np.abs(low), np.abs(high))
         share = max(WIDER, rounding_share(inner, drive, spans, drives))
-    why = (L1_WHY if math.isfinite(share) else SLOW_WHY) if forgetting else CIRCLE_WHY
+    endless = f"{SLOW_WHY if forgetting else CIRCLE_WHY}; {draft.remedy}"
+    why = L1_WHY if forgetting and math.isfinite(share) else endless
     found: list[tuple[Signal, str]] = []
     bounds = iter(zip(least, most, strict=True))
     for element in draft.state:

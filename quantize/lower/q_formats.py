@@ -84,9 +84,10 @@ def choose_formats(law: Law, graph: Graph, sums: Mapping[int, Sum], bits: int) -
     for signal in (*law.inputs, *law.state):
         if not (math.isfinite(signal.low) and math.isfinite(signal.high)):
             why = f" ({law.reasons[signal.name]})" if signal.name in law.reasons else ""
+            what = "state" if signal in law.state else "input"
             raise QuantizeError(
-                f"{signal.name} has no finite proven range{why}, so no fixed-point format is safe for it: "
-                "limit it in the controller (an anti_windup mode, a limit) or use float32"
+                f"{what} {signal.name} has no finite proven range{why}, so no fixed-point format is safe for it: "
+                'limit it so, or take number = "float32" in [arithmetic]'
             )
     inputs = tuple(fit(s.low, s.high, bits) for s in law.inputs)
     for signal, q in zip(law.inputs, inputs, strict=True):

@@ -132,7 +132,10 @@ def state_ranges(
     return tuple(found)
 
 
-NO_BOUND = "no bound: without anti-windup a constant error moves the integral without end"
+NO_BOUND = (
+    "no bound: without anti-windup a constant error moves the integral without end; "
+    'anti_windup = "clamping" or "back_calculation" limits it'
+)
 TRACKED_WHY = "it follows a value of known range less the rest of the output, plus ki tt times the error"
 DERIVATIVE_WHY = "a gain times the distance of c r - y from a mean of its past, hence at most the gain times its range"
 FILTERED_WHY = "a mean of c r - y over its past, hence within its range, or around it where the mean alternates"
