@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from firmloop.codegen.emit import tool_version
 from firmloop.door.diagnose import Diagnosed, diagnose
-from firmloop.door.given import check_noun
+from firmloop.door.given import check_noun, path_given
 from firmloop.door.identify import Identified, identify
 from firmloop.door.load import load
 from firmloop.identify.error import IdentifyError
@@ -103,15 +104,17 @@ def diagnose_fleet(
     check_noun("diagnose_fleet", project, Project)
     require(project, "plant")
     plant_of(project)
-    recordings = find_fleet(where, Path(folder))
-    asked = _Asked(project, Path(folder), recordings)
+    path_given("where:", where, "machines")
+    kept = path_given("folder:", folder, "out")
+    recordings = find_fleet(os.fspath(where), kept)
+    asked = _Asked(project, kept, recordings)
     failed: dict[str, str] = {}
     with stage("diagnosing the fleet") as report:
         for task, answer in (pool or local(processors()))(examined, asked.tasks()):
             if isinstance(answer, Failed):
                 failed[task.name] = answer.says
             else:
-                keep(Path(folder), answer)
+                keep(kept, answer)
                 asked.found[task.name] = answer
             done = len(asked.found) + len(failed)
             report(done / len(recordings), f"{done} of {len(recordings)} recordings")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
+from firmloop.door.given import path_given
 from firmloop.project.project import Project, read_project
 
 
@@ -25,5 +25,7 @@ def load(path: str | os.PathLike[str]) -> Project:
     ------
     ProjectError
         on the first thing that is wrong, with file, line, rule and way out.
+    TypeError
+        when it is given no path.
     """
-    return read_project(Path(path))
+    return read_project(path_given("firmloop.load", path, "wheel_speed.toml"))

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmloop.door.given import check_noun
+from firmloop.door.given import check_noun, fmu_given, path_given
 from firmloop.door.identify import Identified
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, write_recording
-from firmloop.identify.simulation.fmu_plant import fmu_of
 from firmloop.identify.units import unit_of
 from firmloop.output import results_file
 from firmloop.presentation.figures import CurvePair, comparison_figure
@@ -46,7 +45,7 @@ class Simulated:
 
     def save(self, file: str | Path) -> None:
         """Write the prediction as a CSV file, `.csv` or `.csv.gz`."""
-        with results_file(Path(file)) as partial:
+        with results_file(path_given("file:", file, "predicted.csv")) as partial:
             write_recording(self.predicted, partial)
 
     def _repr_html_(self) -> str:
@@ -96,15 +95,17 @@ def simulate(
     fitted: Plant | None = None
     if isinstance(project, Identified):
         fitted, project = project.plant, project.project
-    given = fmu_of(fmu, wires)
+    if not callable(start):
+        raise TypeError(f"start: {start!r} is no start; give firmloop.at_rest or firmloop.as_recorded")
+    given = fmu_given(fmu, wires)
     if given is not None:
         if start is as_recorded:
             raise ProjectError(f"--fit-initial: {given.file.name} begins where its maker has it begin; leave it out")
-        read = read_as_named(project, Path(recording))
+        read = read_as_named(project, path_given("recording:", recording, "test.csv"))
         with stage("simulating"):
             return Simulated(read, *prediction.predicted_by(given, project, read))
     require(project, "plant")
-    read = read_as_named(project, Path(recording))
+    read = read_as_named(project, path_given("recording:", recording, "test.csv"))
     assert project.plant is not None, "require() has seen to it"
     with stage("simulating"):
         return Simulated(read, prediction.predicted(project, read, start, fitted), project.plant.outputs)

@@ -213,6 +213,23 @@ def test_a_noun_that_is_not_before_a_function_is_refused(walked: Run, verb: str,
             getattr(fl, verb)(given, *further)
 
 
+@pytest.mark.parametrize(("given", "called"), [(None, "None"), (5, "int"), (b"x", "bytes"), (["p.toml"], "list")])
+def test_what_is_no_path_is_refused_in_a_sentence(walked: Run, given: Any, called: str) -> None:
+    said = f"takes a path, and was given {called}; give a text or a Path, such as '"
+    with pytest.raises(TypeError, match=re.escape(f"firmloop.load {said}wheel_speed.toml'")):
+        fl.load(given)
+    with pytest.raises(TypeError, match=re.escape(f"recording: {said}")):
+        fl.simulate(walked.identified, given)
+    for noun in (walked, walked.identified, walked.designed, walked.code, walked.verified):
+        with pytest.raises(TypeError, match=re.escape(f"folder: {said}out'")):
+            noun.save(given)
+    for where, folder, name in ((given, "out", "where"), ("machines", given, "folder")):
+        with pytest.raises(TypeError, match=re.escape(f"{name}: {said}")):
+            fl.diagnose_fleet(walked.identified.project, where, folder)
+    with pytest.raises(TypeError, match=r"start: 'recorded' is no start; give firmloop\.at_rest"):
+        fl.simulate(walked.identified, "test.csv", start="recorded")  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("asked", "kind", "words"),
     [
@@ -222,6 +239,14 @@ def test_a_noun_that_is_not_before_a_function_is_refused(walked: Run, verb: str,
         ({"seed": -1}, ProjectError, "seed: '-1' is not a whole number from 0 to"),
         ({"targets": "hots"}, ProjectError, "no target is called 'hots'; did you mean host?"),
         ({"targets": [3]}, TypeError, "targets: 3 is no name of a target"),
+        (
+            {"targets": 3},
+            TypeError,
+            "targets: 3 is no name of a target nor a list of some; firmloop targets lists them",
+        ),
+        ({"targets": None}, TypeError, "targets: None is no name of a target nor a list"),
+        ({"fmu": 5}, TypeError, "fmu: takes a path, and was given int"),
+        ({"fmu": "motor.fmu", "wires": 5}, TypeError, "wires: takes what the FMU calls each column, and was given int"),
         ({"port": 5}, TypeError, "port: 5 is no text such as /dev/ttyACM0"),
     ],
 )
