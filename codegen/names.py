@@ -27,40 +27,27 @@ RESERVED = frozenset(
 # What a project's name becomes at file scope; the setters are named by the parameters too.
 ENDS = ("_t", "_in_t", "_out_t", "_init", "_step", "_assert_layout")
 
-# Types and functions with such ends of the headers of C99 to C23, and of <sys/types.h> and <pthread.h>, which the
-# <stdlib.h>, <time.h> and <iostream> of glibc and newlib include. Those of POSIX's further headers are not among them:
-# speed_t is for who asks for <termios.h>.
+# Types and functions with such ends of the headers of C99 to C23, and what files and processes bring beside them in a
+# program of POSIX, as the test on the host is. Other types of POSIX (timer_t, speed_t) are for who asks for them.
 STANDARD = frozenset(
     """
     char8_t char16_t char32_t clock_t cnd_t cnd_init constraint_handler_t div_t double_t errno_t femode_t fenv_t
     fexcept_t float_t fpos_t imaxdiv_t intmax_t intptr_t ldiv_t lldiv_t max_align_t mbstate_t mtx_t mtx_init nullptr_t
     ptrdiff_t rsize_t sig_atomic_t size_t thrd_t thrd_start_t time_t tss_t tss_dtor_t uintmax_t uintptr_t wchar_t
     wctrans_t wctype_t wint_t
-    blkcnt_t blksize_t caddr_t clockid_t comparison_fn_t daddr_t dev_t error_t fsblkcnt_t fsfilcnt_t fsid_t
-    gid_t greg_t gregset_t fpregset_t id_t idtype_t in_addr_t in_port_t ino_t key_t locale_t loff_t mcontext_t mode_t
-    nlink_t off_t pid_t pthread_t pthread_attr_t pthread_barrier_t pthread_barrierattr_t pthread_cond_t
-    pthread_condattr_t pthread_key_t pthread_mutex_t pthread_mutexattr_t pthread_once_t pthread_rwlock_t
-    pthread_rwlockattr_t pthread_spinlock_t pthread_spin_init quad_t register_t sbintime_t sig_t sigevent_t
-    sighandler_t siginfo_t sigset_t sigval_t socklen_t ssize_t stack_t suseconds_t timer_t u_quad_t u_register_t
-    ucontext_t uid_t useconds_t
+    blkcnt_t blksize_t dev_t gid_t ino_t mode_t nlink_t off_t pid_t ssize_t uid_t useconds_t
     """.split()
 )
 
-# Headers of C99 to C23, of POSIX (IEEE 1003.1), and those that they include in glibc and newlib: a NAME.h on the path
-# of a build comes before the system's.
+# Headers of C99 to C23: a NAME.h on the path of a build comes before the system's.
 HEADERS = frozenset(
     """
     assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdalign stdarg stdatomic
     stdbit stdbool stdckdint stddef stdint stdio stdlib stdnoreturn string tgmath threads time uchar wchar wctype
-    aio cpio dirent dlfcn fcntl fmtmsg fnmatch ftw glob grp iconv langinfo libgen monetary mqueue ndbm netdb nl_types
-    poll pthread pwd regex sched search semaphore spawn strings stropts syslog tar termios trace ulimit unistd utime
-    utmpx wordexp
-    alloca endian features ieeefp malloc memory newlib reent syslimits
     """.split()
 )
 
 FILES = frozenset("host host_main trace fmi3".split())  # NAME.c of ours, beside which the project's own is put
-TARGETS = frozenset("all clean depend edit_cache help install package preinstall rebuild_cache test".split())
 DEVICES = re.compile(r"con|prn|aux|nul|(com|lpt)[0-9]")
 INTEGERS = re.compile(r"u_?int[0-9]+_t|u?int(_fast|_least)?[0-9]+_t")
 
@@ -99,7 +86,7 @@ def made_of(name: str) -> tuple[str, ...]:
 
 
 def _taker(name: str) -> str:
-    """Say who has a name already of those that identifiers, files and targets get from a project's."""
+    """Say who has a name already of those that identifiers and files get from a project's."""
     for made in made_of(name):
         plain = made.removeprefix("atomic_")  # <stdatomic.h> has each type once more
         if plain in STANDARD or INTEGERS.fullmatch(plain):
@@ -108,8 +95,6 @@ def _taker(name: str) -> str:
         return f"the header <{name}.h>, which the {name}.h of the generated code would hide"
     if name in FILES:
         return f"{name}.c, a file that the generated code is built with"
-    if name in TARGETS:
-        return f"the target {name!r} of every build by CMake"
     if DEVICES.fullmatch(name):
         return f"a device of Windows, where no file can be called {name}.c"
     return ""

@@ -7,11 +7,16 @@ from collections.abc import Mapping
 from firmloop.codegen.delivery import CONTRACT, FLAGS, VERSION, Delivery
 from firmloop.codegen.environment import render
 
+# Targets that every build by CMake has (policy CMP0037).
+_RESERVED = frozenset("all clean edit_cache help install package rebuild_cache test".split())
+
 
 def cmake(delivery: Delivery) -> Mapping[str, str]:
     """Return `CMakeLists.txt`."""
+    name = delivery.program.name
     view: dict[str, object] = {
-        "name": delivery.program.name,
+        "name": name,
+        "target": f"{name}_controller" if name in _RESERVED else name,
         "command": delivery.command,
         "version": VERSION,
         "sources": " ".join(f'"{source}"' for source in delivery.sources),
