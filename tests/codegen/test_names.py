@@ -70,7 +70,7 @@ def test_a_project_of_a_taken_name_is_refused(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("name", ["model", "run", "sample", "row", "records", "read", "intake", "speed", "timer", "test"])
+@pytest.mark.parametrize("name", ["model", "run", "sample", "records", "read", "intake", "speed", "timer", "test"])
 def test_a_project_of_any_other_name_builds(name: str, tmp_path: Path) -> None:
     (tmp_path / "p.toml").write_text(PROJECT.replace("NAME", name))
     assert main(["verify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out"), "--steps", "100"]) == 0
