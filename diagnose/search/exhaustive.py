@@ -18,8 +18,7 @@ from firmloop.diagnose.policy import (
     TIE,
 )
 from firmloop.diagnose.search.found import Search
-from firmloop.diagnose.search.round import every_start
-from firmloop.diagnose.search.screen import Screened
+from firmloop.diagnose.search.screen import Screened, every_start
 from firmloop.diagnose.search.stepwise import accepted
 from firmloop.identify.fitting.noise import plain_too
 

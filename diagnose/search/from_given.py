@@ -18,15 +18,17 @@ from firmloop.diagnose.policy import (
     FIRM_TO_RUN_AWAY,
     LOST_PARAMETER,
     MOVED_FAR,
+    ROUND_PATIENCE,
     RUN_AWAY,
     SIGNLESS_NOISE,
     STEPS_FROM_GIVEN,
     STEPS_OF_A_FIT,
+    STEPS_OF_A_START,
     STEPS_OF_A_TRIAL,
     TRIED_FROM_GIVEN,
 )
 from firmloop.diagnose.search.orders import best_orders
-from firmloop.diagnose.search.screen import Screened, ground, screen
+from firmloop.diagnose.search.screen import Screened, every_start, ground, screen
 from firmloop.identify.fitting.fit import about_means
 from firmloop.identify.fitting.noise import colored, flat, oversized, white
 from firmloop.identify.plants.plant import Plant
@@ -58,10 +60,27 @@ def from_given(problem: Problem, candidate: Candidate, table: Sequence[Screened]
     others = [term for term in problem.terms if term not in found.terms]
     (screened,) = screen(problem, problem.train, given, others, under, best_orders(problem, given, under))
     picked = [one for k, one in enumerate(screened) if (lost and k < TRIED_FROM_GIVEN) or one.term.label in told]
-    tried = [
-        fit(problem, problem.train, *extended(given, each.term, each.start), sizes, STEPS_FROM_GIVEN) for each in picked
-    ]
+    begun = [extended(given, one.term, one.start) for one in picked]
+    if lost and not found.terms:
+        begun += [(near.terms, near.point) for near in _nearest(problem, given, screened)]
+    tried = [fit(problem, problem.train, *each, sizes, STEPS_FROM_GIVEN) for each in begun]
     return (*tried, *(from_unfolded(problem, term) for term in others if term.label in folded))
+
+
+def _nearest(problem: Problem, given: Fitted, table: Sequence[Screened]) -> list[Fitted]:
+    """Return the terms of a table that come nearest in a few steps, each from the best of its starts.
+
+    What a stiff spring holds goes far without it: its trace beside the plant as given foretells next to nothing.
+    """
+    until = problem.engine.steps + ROUND_PATIENCE
+    found: dict[str, Fitted] = {}
+    for each in table:
+        for start in every_start(problem, each):
+            if problem.engine.steps < until:
+                one = fit(problem, problem.train, *extended(given, each.term, start), given.noises, STEPS_OF_A_START)
+                if one.cost < (found[each.term.label].cost if each.term.label in found else math.inf):
+                    found[each.term.label] = one
+    return sorted(found.values(), key=lambda each: each.cost)[:TRIED_FROM_GIVEN]
 
 
 def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:

@@ -26,7 +26,6 @@ from firmloop.diagnose.policy import (
     PROMISED_IN_A_ROUND,
     PROMISED_SHARE,
     ROUND_PATIENCE,
-    SMALL_GRID,
     STEPS_OF_A_FIT,
     STEPS_OF_A_LAST_FIT,
     STEPS_OF_A_START,
@@ -37,7 +36,7 @@ from firmloop.diagnose.policy import (
 from firmloop.diagnose.search.exchange import relatives
 from firmloop.diagnose.search.from_given import afresh, runaways
 from firmloop.diagnose.search.orders import best_orders
-from firmloop.diagnose.search.screen import Screened, ground, screen
+from firmloop.diagnose.search.screen import Screened, every_start, ground, screen
 from firmloop.identify.fitting.noise import Noise, colored, flat, white
 
 
@@ -234,12 +233,6 @@ def _too_large(fitted: Fitted) -> bool:
     sizes = zip(newest.keys[:1], newest.parameters[:1], strict=True)
     bounded = [(key, each.high) for key, each in sizes if each.default is None and np.isfinite(each.neutral)]
     return any(fitted.point.values[key] > LARGEST_SIZE * high for key, high in bounded)
-
-
-def every_start(problem: Problem, screened: Screened) -> Sequence[Mapping[str, float]]:
-    """Return all starts of a term; of a large grid, which was searched when it was screened, the one it promised."""
-    starts = problem.starts[screened.term.label]
-    return starts if len(starts) <= SMALL_GRID else (screened.start,)
 
 
 def _starts(problem: Problem, screened: Screened) -> list[Mapping[str, float]]:

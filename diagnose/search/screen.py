@@ -13,7 +13,7 @@ from firmloop.diagnose.model.candidate import unlikely
 from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
-from firmloop.diagnose.policy import LINEAR_SHARE, OPPOSITE_SIZE, PARALLEL, SCREEN_PATIENCE
+from firmloop.diagnose.policy import LINEAR_SHARE, OPPOSITE_SIZE, PARALLEL, SCREEN_PATIENCE, SMALL_GRID
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.projection import outside, turn, with_starts
 from firmloop.identify.recordings.recording import Recording
@@ -139,6 +139,12 @@ def _promising(
         return asked or list(starts)
     phase = next((key for start in starts for key in start if key.endswith(".phase_rad")), None)
     return [start for start in starts if phase is None or start[phase] == starts[0][phase]]
+
+
+def every_start(problem: Problem, screened: Screened) -> Sequence[Mapping[str, float]]:
+    """Return all starts of a term; of a large grid, which was searched when it was screened, the one it promised."""
+    starts = problem.starts[screened.term.label]
+    return starts if len(starts) <= SMALL_GRID else (screened.start,)
 
 
 def secants(

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from tests.diagnose.cases import diagnosis
 
-STIFFNESS = 0.27  # N m/rad
+
+class Sprung(NamedTuple):
+    """A motor whose shaft swings on a spring; the inertia and friction of the project are somewhat off."""
+
+    resistance: float
+    inductance: float
+    torque_constant: float
+    inertia: float
+    friction: float
+    stiffness: float  # N m/rad
+    told: tuple[float, float, float]  # ke, J and b as given
+
+
+MOTORS = (
+    Sprung(1.82, 0.0019, 0.068, 4.17e-4, 6.4e-5, 0.27, (0.073, 4.1e-4, 6.9e-5)),
+    Sprung(4.83, 0.019, 0.0542, 1.03e-4, 2.83e-5, 0.0778, (0.05305, 1.062e-4, 2.91e-5)),
+)
 PROJECT = """schema = 1
 name = "sprung"
 [recordings]
@@ -19,17 +36,18 @@ kind = "dc_motor"
 input = "voltage_V"
 outputs = ["speed_rad_s"]
 [plant.parameters]
-R_ohm = { value = 1.82, free = false }
-L_H = { value = 0.0019, free = false }
-ke_V_s_rad = { value = 0.073, free = true }
-kt_N_m_A = { value = 0.068, free = false }
-J_kg_m2 = { value = 4.1e-4, free = true }
-b_N_m_s_rad = { value = 6.9e-5, free = true }
+R_ohm = {{ value = {0.resistance}, free = false }}
+L_H = {{ value = {0.inductance}, free = false }}
+ke_V_s_rad = {{ value = {0.told[0]}, free = true }}
+kt_N_m_A = {{ value = {0.torque_constant}, free = false }}
+J_kg_m2 = {{ value = {0.told[1]}, free = true }}
+b_N_m_s_rad = {{ value = {0.told[2]}, free = true }}
 """
 
 
-def test_a_spring_that_the_shaft_swings_on_is_found_by_its_speed_alone(tmp_path: Path) -> None:
-    """It had been a coupling to a second body ten thousand times as heavy."""
+@pytest.mark.parametrize("motor", MOTORS)
+def test_a_spring_that_the_shaft_swings_on_is_found_by_its_speed_alone(motor: Sprung, tmp_path: Path) -> None:
+    """It had been a coupling to a second body ten thousand times as heavy, or a hardening spring and a cogging."""
     rng, rows, step, fine = np.random.default_rng(0), 1600, 1e-3, 20
     drive = np.repeat(rng.uniform(-12.0, 12.0, rows // 100 + 1), 100)[:rows]
     drive[:10] = 0.0
@@ -38,16 +56,16 @@ def test_a_spring_that_the_shaft_swings_on_is_found_by_its_speed_alone(tmp_path:
     for k in range(rows):
         read[k] = speed
         for _ in range(fine):
-            rise = (drive[k] - 1.82 * current - 0.068 * speed) / 0.0019
-            push = (0.068 * current - 6.4e-5 * speed - STIFFNESS * angle) / 4.17e-4
+            rise = (drive[k] - motor.resistance * current - motor.torque_constant * speed) / motor.inductance
+            push = motor.torque_constant * current - motor.friction * speed - motor.stiffness * angle
             current += step / fine * rise
-            speed += step / fine * push
+            speed += step / fine * push / motor.inertia
             angle += step / fine * speed
     table = np.column_stack([step * np.arange(rows), drive, read + 0.3 * rng.normal(size=rows)])
     head = "time_s,voltage_V,speed_rad_s"
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=head, comments="", fmt="%.6g")
-    (tmp_path / "project.toml").write_text(PROJECT, encoding="utf-8")
+    (tmp_path / "project.toml").write_text(PROJECT.format(motor), encoding="utf-8")
     _, said = diagnosis(tmp_path / "project.toml", tmp_path / "out")
     assert [each["name"] for each in said["effects"]] == ["return_spring"], said["says"]
     stiffness = said["effects"][0]["parameters"]["stiffness_N_m_rad"]["value"]
-    assert stiffness == pytest.approx(STIFFNESS, rel=0.02)
+    assert stiffness == pytest.approx(motor.stiffness, rel=0.02)
