@@ -46,11 +46,11 @@ def candidates_of(search: Search) -> tuple[Candidate, ...]:
     )
 
 
-def near_best(search: Search) -> dict[frozenset[LibraryTerm], Candidate]:
+def near_best(search: Search, within: float = LEVELLED_WITHIN) -> dict[frozenset[LibraryTerm], Candidate]:
     """Return what is hardly told from the best, one of each hypothesis, the likeliest first."""
     near: dict[frozenset[LibraryTerm], Candidate] = {}
     for each in candidates_of(search):
-        if each.score - search.best.score < LEVELLED_WITHIN and len(near) < LEVELLED:
+        if each.score - search.best.score < within and len(near) < LEVELLED:
             near.setdefault(frozenset(each.fitted.terms), each)
     return near
 

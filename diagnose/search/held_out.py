@@ -21,9 +21,9 @@ from firmloop.diagnose.model.candidate import (
 from firmloop.diagnose.model.fit import Fitted, ended, fit, inverse, noises_of, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
-from firmloop.diagnose.policy import CLOSER_RMS, NEARER_RMS, SAME_RMS, WIDER_RMS
+from firmloop.diagnose.policy import CLOSER_RMS, LEVELLED_WITHIN, NEARER_RMS, SAME_RMS, SHAPE_SHARE, WIDER_RMS
 from firmloop.diagnose.search.exchange import slimmer
-from firmloop.diagnose.search.found import Search, near_best
+from firmloop.diagnose.search.found import Search, as_near, near_best
 from firmloop.diagnose.search.harmless import from_starts, no_worse, same_function
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
@@ -156,7 +156,8 @@ def _rival(found: Search, bench: _Bench) -> Kept | None:
 
     Beside it stands only what comes about as near.
     """
-    near = near_best(found)
+    within = max(LEVELLED_WITHIN, SHAPE_SHARE * (found.nominal.score - found.best.score))
+    near = {terms: each for terms, each in near_best(found, within).items() if as_near(found, each)}
     asked = {terms: _kept(replace(found, best=each), bench) for terms, each in near.items()}
     ratios = {terms: _ratio(each.figures) for terms, each in asked.items() if each.search is not None}
     nearest = min(ratios, key=lambda terms: ratios[terms], default=None)

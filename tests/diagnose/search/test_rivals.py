@@ -40,3 +40,20 @@ def test_what_holds_where_it_was_left_out_stands_for_what_innovations_prefer_by_
         return
     assert kept.search is not None and kept.search.best.fitted.names == (RIGHT,)
     assert [each.fitted.names for turn in kept.search.rounds for each in turn] == [(RIGHT,)]
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5])
+def test_what_is_preferred_by_little_of_all_that_is_explained_gives_way_too(share: float, tmp_path: Path) -> None:
+    """Little beside all that is explained: where far more is told by another, what holds is not the whole of it."""
+    problem = problem_of(shortened(without_tests(concealed(tmp_path, RIGHT, 0.3, False))))
+    nominal = nominal_of(problem)
+    wrong, right = (_tried(problem, nominal, name) for name in (WRONG, RIGHT))
+    explained = nominal.score - right.score
+    wrong = replace(wrong, score=right.score - share / (1.0 - share) * explained)
+    found = Search(problem, nominal, wrong, ((wrong, right),), (), (nominal.score - wrong.score,))
+    kept = holding(found, as_identified(problem.plant, problem.train), problem.train)
+    if share > 0.25:
+        assert kept.search is None
+        return
+    assert kept.search is not None and kept.search.best.fitted.names == (RIGHT,)
+    assert [each.fitted.names for turn in kept.search.rounds for each in turn] == [(RIGHT,)]
