@@ -16,6 +16,7 @@ from firmloop.diagnose.discrepancy.fit import Shape, best_shape
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.model.candidate import Candidate, rated, residual_sizes, rms_of
 from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.disturbed_plant import sensors_remember
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.policy import HOLD_GAIN
@@ -86,6 +87,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
         if scores[0] < scores[1] + HOLD_GAIN:
             made, unseen = other, held(unseen, given)
     hold = made.search.problem.train[0].hold
+    if hold != given:
+        made = replace(made, checks=replace(made.checks, notes=(*made.checks.notes, _another_hold(hold))))
     whole, later = held(train, hold), held(test, hold)
     refit = plain_refit(made.search, plant, whole)
     progress(0.9, "simulating what is left out of the fit")
@@ -119,6 +122,15 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     shown = None if explained else refit
     finding = _measured(finding, found, shown, shape, figures, differing(written, whole))
     return Diagnosis(finding, found, unnamed if not explained else None, written)
+
+
+def _another_hold(hold: str) -> str:
+    """Say that the input is taken to have moved between its rows, where the project has it held."""
+    path = "a straight line" if hold == "linear" else "the smooth curve of a band-limited signal"
+    return (
+        f"between its rows the input is taken to follow {path}, which explains the recordings clearly better than "
+        f'steps do; the written project has hold = "{hold}" in [recordings]'
+    )
 
 
 def _measured(
@@ -156,6 +168,7 @@ def _measured(
         ),
         missed,
         own,
+        sensors_remember(problem, values, residuals),
     )
 
 

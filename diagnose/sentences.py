@@ -106,16 +106,22 @@ def _own(one: OwnValue) -> str:
     return f"{Path(one.source).name} {known.value:.4g}{reach}"
 
 
-def measured_too(plant: Plant, finding: Finding, missed: float, own: tuple[tuple[str, ...], float]) -> Finding:
+def measured_too(
+    plant: Plant, finding: Finding, missed: float, own: tuple[tuple[str, ...], float], sensors: bool
+) -> Finding:
     """Return the finding with what it says of chance, of what is still missing, and of what was left out of the fit.
 
     `missed` is what simulations miss, as a share of what the output moves that they follow worst; `own` what
-    would differ from run to run, and the share of the rms that it leaves.
+    would differ from run to run, and the share of the rms that it leaves; `sensors` where all that is left is likelier
+    noise of sensors than a disturbance.
     """
+    if sensors and finding.verdict != "unknown_physics":
+        rest = _about_sensors(finding)
+    else:
+        rest = [*_about_rest(finding), *_about_disturbance(plant, finding, missed)]
     said = [
         *_about_chance(finding),
-        *_about_rest(finding),
-        *_about_disturbance(plant, finding, missed),
+        *rest,
         *_about_runs(*own),
         *_about_left_out(finding),
     ]
@@ -148,6 +154,17 @@ def _about_rest(finding: Finding) -> list[str]:
     return [
         f"That is not the whole of it: simulations still miss by {left:.3g} times the sensors' noise, which another "
         "effect, or a disturbance, makes."
+    ]
+
+
+def _about_sensors(finding: Finding) -> list[str]:
+    """Say that sensors with a memory make what is left, where that is more than their white noise."""
+    left = finding.train.after
+    if left is None or left < STILL_MISSING:
+        return []
+    return [
+        f"Simulations still miss by {left:.3g} times the sensors' white noise: likelier noise of a sensor with a "
+        "memory, as a filter's, than a disturbance of the machine."
     ]
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.discrepancy.disturbance_smoother import Tracker, nominal_plant, tracker
+from firmloop.diagnose.discrepancy.disturbance_smoother import nominal_plant
 from firmloop.diagnose.finding import Disturbance
 from firmloop.diagnose.model.candidate import rms_of
 from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.disturbed_plant import followed, groups
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
@@ -20,9 +19,7 @@ from firmloop.diagnose.policy import (
     COLORED_SENSOR,
     HELD_INPUT,
     MOST_SMOOTHED_ROWS,
-    MOST_WEIGHED_ROWS,
     RIVALS_DRIVE,
-    WALKS,
 )
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.checks.structure import answering, features
@@ -89,12 +86,10 @@ def disturbances(
     the rms of each sensor's own. Where there are more balances than outputs each is taken to be the only one disturbed.
     """
     plant = with_effects(plant, ())
-    balances = [each for each in plant.balances if each.state >= 0]
     if not all(np.all(np.isfinite(part)) for part in residuals):
         return {}
-    groups = [balances] if len(balances) <= len(plant.outputs) else [[each] for each in balances]
     found = {}
-    for group in groups:
+    for group in groups(plant):
         sizes = _sizes(plant, group, recordings, residuals, noise)
         for balance, rms in zip(group if sizes else (), sizes, strict=True):
             drive = _drive(plant, balance, recordings)
@@ -110,14 +105,8 @@ def _sizes(
     residuals: Sequence[Array],
     noise: Sequence[float],
 ) -> list[float]:
-    """Return the rms of the disturbances of these balances, that move as quickly as makes the residuals likeliest."""
-    weigh = partial(_weighed, plant, balances, recordings, residuals, noise)
-    together = [[walk] * len(balances) for walk in WALKS]
-    walks = min(together, key=lambda each: weigh(each)[1])
-    for index in range(len(balances) if len(balances) > 1 else 0):
-        alone = [[*walks[:index], walk, *walks[index + 1 :]] for walk in WALKS]
-        walks = min(alone, key=lambda each: weigh(each)[1])
-    best, unlikely = weigh(walks)
+    """Return the rms of the disturbances of these balances that make the residuals likeliest; none where none do."""
+    best, unlikely = followed(plant, balances, recordings, residuals, noise)
     if not np.isfinite(unlikely):
         return []
     states = len(plant.states)
@@ -128,39 +117,6 @@ def _sizes(
         power += np.sum(each.smoothed(some, unforced, each.begin(some)[0])[:, states:] ** 2, axis=0)
         rows += len(some)
     return [float(size) for size in np.sqrt(power / rows)]
-
-
-def _weighed(
-    plant: Plant,
-    balances: Sequence[Balance],
-    recordings: Sequence[Recording],
-    residuals: Sequence[Array],
-    noise: Sequence[float],
-    walks: Sequence[float],
-) -> tuple[list[Tracker], float]:
-    """Return a tracker of each recording, and how unlikely they make the residuals: infinite where there are none."""
-    told = max(MOST_WEIGHED_ROWS // len(recordings), 1)
-    steps = [course_of(plant, each).step for each in recordings]
-    made = {step: tracker(plant, balances, step, noise, walks) for step in dict.fromkeys(steps)}
-    trackers = [made[step] for step in steps]
-    found = [each for each in trackers if each is not None and _steady(each)]
-    if len(found) < len(trackers):
-        return [], math.inf
-    parts = zip(found, residuals, strict=True)
-    return found, sum(_unlikely(each, left[:told], np.array(noise)) for each, left in parts)
-
-
-def _steady(each: Tracker) -> bool:
-    """Tell whether neither filter nor smoother runs away: where a walk is next to none, rounding may do that."""
-    return all(np.max(np.abs(np.linalg.eigvals(part))) < 1.0 for part in (each.forgets, each.back))
-
-
-def _unlikely(each: Tracker, left: Array, noise: Array) -> float:
-    """Return -2 log likelihood of residuals (n, r) by the innovations of a tracker, but for a constant."""
-    innovations = each.begin(left)[1] / noise
-    spread = each.innovation / np.outer(noise, noise)
-    _, size = np.linalg.slogdet(spread)
-    return float(len(left) * size + np.sum(innovations * np.linalg.solve(spread, innovations.T).T))
 
 
 def _drive(plant: Plant, balance: Balance, recordings: Sequence[Recording]) -> float:

@@ -10,14 +10,13 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
+from firmloop.diagnose.model.disturbed_plant import tracker
 from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, QUICK_WALK, SHORTEST_SPAN_S, WORST_SPANS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.plants.per_recording import without_varying
-from firmloop.identify.plants.plant import Balance, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.linear_filter import recurred
-from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import course_of, measured
 
 Array = NDArray[np.float64]
@@ -51,90 +50,6 @@ def as_others(search: Search, recording: Recording, values: Mapping[str, float],
     own = np.nan_to_num(engine.simulate(recording, values, start) - engine.simulate(recording, values, common))
     outputs = {signal.name: recording.columns[signal.name] - own[:, k] for k, signal in enumerate(plant.outputs)}
     return replace(recording, columns={**recording.columns, **outputs})
-
-
-@dataclass(frozen=True, slots=True)
-class Tracker:
-    """A stationary Kalman filter of states and disturbances (s + b,), and the smoother that belongs to it."""
-
-    step: Array  # (s + b, s + b) from row to row
-    push: Array  # (s + b, m) by the inputs
-    reading: Array  # (r, s + b)
-    kalman: Array
-    back: Array
-    innovation: Array  # (r, r)
-
-    def begin(self, outputs: Array) -> tuple[Array, Array]:
-        """Return where outputs (n, r) most likely begin (s + b,), which nobody knows, and the innovations (n, r).
-
-        They are linear in where it begins: a motion that was under way would else be a disturbance at its first rows.
-        """
-        rows, size = len(outputs), len(self.step)
-        ahead, _ = self.filtered(outputs, np.zeros((rows, size)), np.zeros(size))
-        left = outputs - ahead @ self.reading.T
-        seen = recurred(self.forgets.T, np.zeros((rows - 1, *self.reading.shape)), self.reading)
-        root = np.linalg.inv(np.linalg.cholesky(self.innovation))
-        start = np.linalg.lstsq((root @ seen).reshape(-1, size), (left @ root.T).ravel(), rcond=None)[0]
-        return np.asarray(start), np.asarray(left - seen @ start)
-
-    @property
-    def forgets(self) -> Array:
-        """What a row leaves of an error in the state before it (s + b, s + b)."""
-        return np.asarray(self.step @ (np.eye(len(self.step)) - self.kalman @ self.reading))
-
-    def filtered(self, outputs: Array, forced: Array, start: Array) -> tuple[Array, Array]:
-        """Return states and disturbances (n, s + b) before each row of outputs (n, r) is read, and after.
-
-        The reading of row k comes before input k acts; a direct path is not corrected for.
-        """
-        pushes = outputs @ (self.step @ self.kalman).T + forced
-        ahead = recurred(self.forgets, pushes[:-1], start)
-        return ahead, np.asarray(ahead + (outputs - ahead @ self.reading.T) @ self.kalman.T)
-
-    def smoothed(self, outputs: Array, forced: Array, start: Array) -> Array:
-        """Return states and disturbances (n, s + b) by all rows of outputs (n, r)."""
-        ahead, here = self.filtered(outputs, forced, start)
-        pushes = here[:-1] - ahead[1:] @ self.back.T
-        return recurred(self.back, pushes[::-1], here[-1])[::-1]
-
-
-def tracker(
-    plant: Plant, balances: Sequence[Balance], step_s: float, noise: Sequence[float], walks: Sequence[float]
-) -> Tracker | None:
-    """Follow the nominal plant with a random walk in each of these balances.
-
-    `noise` (r,) is the rms of each output, and `walks` (b,) the shares of it that a step of each disturbance does to
-    the output that shows it most. None where the equations do not allow one.
-    """
-    bare = linearize(plant)
-    if not balances or not all(np.all(np.isfinite(part)) for part in (bare.a, bare.b, bare.c)):
-        return None
-    constants = np.array([p.value for p in plant.parameters])[: plant.rate.numel_in(2)]
-    states, extra, inputs = len(plant.states), len(balances), bare.b.shape[1]
-    size = states + extra
-    whole = np.zeros((size + inputs, size + inputs))
-    whole[:states, :states] = bare.a
-    for index, balance in enumerate(balances):
-        whole[balance.state, states + index] = float(balance.per(constants))
-    whole[:states, size:] = bare.b
-    moved = scipy.linalg.expm(whole * step_s)
-    step, push = moved[:size, :size], moved[:size, size:]
-    reading = np.concatenate([bare.c, np.zeros((len(bare.c), extra))], axis=1)
-    spread = np.array([max(float(size), 1e-12) for size in noise])
-    steps = np.zeros(size)
-    gain = np.abs(reading @ step[:, states:]) / spread[:, None]
-    reach = np.maximum(np.max(gain, axis=0), 1e-30)
-    steps[states:] = np.array(walks) / reach
-    covariance = np.diag(np.maximum(steps**2, 1e-18 * np.max(steps**2)))
-    try:
-        predicted = scipy.linalg.solve_discrete_are(step.T, reading.T, covariance, np.diag(spread**2))
-        innovation = reading @ predicted @ reading.T + np.diag(spread**2)
-        kalman = predicted @ reading.T @ np.linalg.inv(innovation)
-        filtered = predicted - kalman @ reading @ predicted
-        back = filtered @ step.T @ np.linalg.inv(predicted)
-    except (np.linalg.LinAlgError, ValueError):
-        return None
-    return Tracker(step, push, reading, kalman, back, innovation)
 
 
 def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent | None:

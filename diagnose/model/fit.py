@@ -22,7 +22,7 @@ from firmloop.diagnose.policy import (
     SETTLED_START,
     UNSEEN,
 )
-from firmloop.identify.fitting.noise import Noise, bounded, fit_noise
+from firmloop.identify.fitting.noise import ORDERS, Noise, bounded, fit_noise
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -51,11 +51,11 @@ class Fitted:
         return tuple(term.effect.name for term in self.terms)
 
 
-def noises_of(problem: Problem, residuals: Sequence[Array]) -> tuple[Noise, ...]:
+def noises_of(problem: Problem, residuals: Sequence[Array], orders: Sequence[int] = ORDERS) -> tuple[Noise, ...]:
     """Estimate every output's noise from what a fit left over; it costs what it is larger than noise may be."""
     columns = [[part[:, index] for part in residuals] for index in range(residuals[0].shape[1])]
     sizes = zip(columns, problem.floors, problem.drifts, strict=True)
-    return tuple(bounded(fit_noise(each, float(floor)), each, float(most)) for each, floor, most in sizes)
+    return tuple(bounded(fit_noise(each, float(floor), orders), each, float(most)) for each, floor, most in sizes)
 
 
 def fit(

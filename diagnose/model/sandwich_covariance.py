@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.descent import SumOfSquares, start_slopes, whitened
+from firmloop.diagnose.model.disturbed_plant import sensors_remember
 from firmloop.diagnose.model.fit import Fitted, inverse, strength, tethers, widened
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, searched
 from firmloop.diagnose.policy import (
@@ -100,9 +101,9 @@ def doubtful(fitted: Fitted, noises: Sequence[Noise]) -> LibraryTerm | None:
 
 
 def with_pushes(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
-    """Widen deviations to what pushes leave of them, where the noises that are left have a memory."""
+    """Widen deviations to what pushes leave of them, where noises have a memory that is likelier the machine's."""
     unknowns = fitted.coordinates
-    if not colored(noises) or not unknowns:
+    if not colored(noises) or not unknowns or sensors_remember(problem, fitted.point.values, fitted.residuals):
         return fitted
     squares = SumOfSquares(problem, problem.train, unknowns, fitted.noises, tethers(problem, unknowns))
     place = squares.at(fitted.point)

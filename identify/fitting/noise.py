@@ -72,15 +72,15 @@ def oversized(noises: Sequence[Noise]) -> bool:
     return any(noise.weight > 0.0 for noise in noises)
 
 
-def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
+def fit_noise(residuals: Sequence[Array], floor: float, orders: Sequence[int] = ORDERS) -> Noise:
     """Fit one output's noise to residuals (q,) of several recordings, by least squares over all of them.
 
     Least squares and not Yule-Walker, which is badly biased where a disturbance has been integrated. The order is the
-    one with the smallest BIC among ORDERS. `floor` is the smallest innovation rms that a sensor of this resolution
+    one with the smallest BIC among `orders`. `floor` is the smallest innovation rms that a sensor of this resolution
     can have (output's unit). What is not finite, as a diverged simulation leaves it, is infinite noise.
     """
     rows = sum(len(part) for part in residuals)
-    most = max((order for order in ORDERS if order * _FEWEST <= rows), default=0)
+    most = max((order for order in orders if order * _FEWEST <= rows), default=0)
     mean = float(np.sum([np.sum(part) for part in residuals])) / max(rows, 1)
     rms = max(float(np.sqrt(np.sum([part @ part for part in residuals]) / max(rows, 1))), floor)
     if not np.isfinite(rms):
@@ -104,7 +104,7 @@ def fit_noise(residuals: Sequence[Array], floor: float) -> Noise:
     # The call of LAPACK alone: what SciPy asks before it takes ten times as long as these few numbers.
     removed = dtrtrs(factor[:most, :most].T, moments[0, 1 : most + 1], lower=0, trans=1)[0] if most else np.zeros(0)
     taken = np.cumsum(removed**2)
-    for order in ORDERS:
+    for order in orders:
         power = (float(moments[0, 0]) - float(taken[order - 1] if order else 0.0)) / used if order <= most else 0.0
         if power <= 0.0:
             break

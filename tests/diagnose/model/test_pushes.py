@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from bench.diagnose.blind_cases import single_case
-from firmloop.diagnose.model.fit import Fitted, deviations, ended
+from firmloop.diagnose.model.disturbed_plant import sensors_remember
+from firmloop.diagnose.model.fit import Fitted, deviations, ended, noises_of
 from firmloop.diagnose.model.hypothesis import Point, Problem, entered, first_point
 from firmloop.diagnose.model.sandwich_covariance import answering, batches, doubtful, pushed, sizes_of, with_pushes
 from firmloop.identify.fitting.noise import Noise, white
@@ -75,6 +76,18 @@ def test_pushes_that_a_sensor_at_its_limit_hardly_shows_widen_nothing(tmp_path: 
         found = ended(problem, found, noises)
         readings, pushes = (deviations(each)[term.keys[0]] for each in (found, with_pushes(problem, found, noises)))
         assert pushes < 2.0 * readings
+
+
+def test_a_memory_is_the_sensors_where_that_is_likelier_than_a_push(tmp_path: Path) -> None:
+    """Pushes would widen the deviations of a load 260 times where only a filtered sensor is slow."""
+    problem, found, noises, _ = _fitted(tmp_path, 3, "coulomb_friction", ("speed",), True)
+    assert not sensors_remember(problem, found.point.values, found.residuals)
+    rng, size = np.random.default_rng(2), noises[0].scale
+    sensor = Noise(np.array([-0.9]), size, size)
+    slow = tuple(sensor.color(rng.normal(0.0, size, each.shape)) for each in found.residuals)
+    assert sensors_remember(problem, found.point.values, slow)
+    filtered = replace(found, residuals=slow)
+    assert with_pushes(problem, filtered, noises_of(problem, slow)) is filtered
 
 
 def test_noise_without_memory_is_no_push(tmp_path: Path) -> None:
