@@ -15,6 +15,7 @@ from functools import cache
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check, Remark
 from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.simulation.simulate import drive_of, measured
 
 
 @cache
@@ -50,7 +51,16 @@ def first_causes(remarks: Sequence[Remark]) -> bool:
 
 
 def told(evidence: Evidence) -> tuple[Remark, ...]:
-    """Return what the checks find, most telling first; nothing where everything is sound."""
+    """Return what the checks find, most telling first; nothing where everything is sound.
+
+    Raises
+    ------
+    IdentifyError
+        when a recording lacks a column of the plant, which any check may look at.
+    """
+    for recording in evidence.recordings:
+        drive_of(evidence.given, recording)
+        measured(evidence.given, recording)
     return _asked([check for check in checks() if evidence.fit is not None or not check.needs_fit], evidence)
 
 

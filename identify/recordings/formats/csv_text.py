@@ -14,7 +14,7 @@ from firmloop.identify.recordings.extent import text_extent
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.recordings.text.calendar_stamps import with_seconds, without_terminal_stamps
-from firmloop.identify.recordings.text.cells import bare, double_quoted, grouped, is_number
+from firmloop.identify.recordings.text.cells import bare, double_quoted, grouped, is_number, with_e
 from firmloop.identify.recordings.text.chatter import listed_lines, without_chatter
 from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, cells_of, find_dialect, first_name, parting_mark
 from firmloop.identify.recordings.text.exports import read_export
@@ -134,6 +134,7 @@ def _is_text(line: bytes) -> bool:
 def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     """Read another dialect, None where none is recognized."""
     lines, quotes = double_quoted(lines)
+    lines, exponents = with_e(lines)
     lines, stamps, stamped = with_seconds(lines)
     thousands = without_thousands(lines)
     if isinstance(thousands, Misread):
@@ -158,7 +159,7 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
         table.place,
         table.places,
         tuple(units[k] for k in kept) if any(units) else (),
-        (*found.notes, *table.notes, *filter(None, (quotes, stamps, marks, aside))),
+        (*found.notes, *table.notes, *filter(None, (quotes, exponents, stamps, marks, aside))),
         left,
     )
 

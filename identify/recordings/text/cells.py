@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 
+_FORTRAN = re.compile(r"(?<![\w.])([-+]?(?:\d+\.\d*|\.\d+))[dD]([-+]?\d{1,3})(?![\w.])")  # 2.000D0
 _INSIDE = re.compile(r"\d'\d")  # a mark of thousands
 
 
@@ -45,3 +46,9 @@ def double_quoted(lines: list[str]) -> tuple[list[str], str]:
     if 2 * quoted <= len(lines) or any('"' in line for line in lines):
         return lines, ""
     return [line.replace("'", '"') for line in lines], "has values in single quotes"
+
+
+def with_e(lines: list[str]) -> tuple[list[str], str]:
+    """Write exponents of Fortran, whose double precision has a D, with an E; return what to tell, blank else."""
+    out = [_FORTRAN.sub(r"\1E\2", line) for line in lines]
+    return out, "has exponents with a D, as Fortran writes them" if out != lines else ""
