@@ -26,11 +26,10 @@ from firmloop.identify.fitting.experiment import (
 )
 from firmloop.identify.fitting.hardly_told import hardly_told
 from firmloop.identify.fitting.own_values import OwnValue, own_values
-from firmloop.identify.fitting.problem import FitPoint, FitProblem, bounded, make_problem, solve, weighted
+from firmloop.identify.fitting.problem import FitPoint, FitProblem, bounded, make_problem, shortened, solve, weighted
 from firmloop.identify.fitting.residual_tests import slow, unexplained
 from firmloop.identify.fitting.scores import Scores, scores
-from firmloop.identify.fitting.starting_points import starting_points
-from firmloop.identify.fitting.stretches import stretches
+from firmloop.identify.fitting.starting_points import starting_points, without_far_values
 from firmloop.identify.fitting.sufficiency import check_answer, check_moving, check_rows, check_span, check_step
 from firmloop.identify.plants.per_recording import centred, in_common, without_value
 from firmloop.identify.plants.plant import Parameter, Plant
@@ -109,7 +108,7 @@ def judge(found: Fit, train: Sequence[Recording], conditioning: Conditioning) ->
     check_span(found.plant, seen)
     for parameter in found.plant.parameters:
         if parameter.name == "gain" and parameter.free:
-            check_answer(found.plant, parameter.interval_95, [recording.source for recording in train])
+            check_answer(found.plant, parameter.interval_95, seen)
 
 
 def estimate(
@@ -140,8 +139,9 @@ def estimate(
     check_step(plant, seen)
     report(0.05, "choosing starting values")
     problem, steps = bounded(make_problem(plant, engine, seen))
-    tried = _shortened(problem, steps)
-    starts = (constants_of(plant),) if near else starting_points(plant, engine, tried.experiments)
+    problem = problem if near else without_far_values(problem, steps)
+    tried = shortened(problem, steps)
+    starts = (constants_of(plant),) if near else starting_points(problem.plant, engine, tried.experiments)
     best, costs = _best_trial(tried, starts, report)
     if not min(costs) < _DIVERGED:
         raise IdentifyError(
@@ -186,14 +186,6 @@ def _begun(plant: Plant, train: Sequence[Recording], conditioning: Conditioning)
 
 def _silent(fraction: float, label: str) -> None:
     """Report progress to nobody."""
-
-
-def _shortened(problem: FitProblem, steps: Sequence[float]) -> FitProblem:
-    """Return the problem on the stretches that tell basins apart; itself where its recordings are short."""
-    chosen = stretches(problem.experiments, steps)
-    if len(chosen) == len(problem.experiments) and chosen[0] is problem.experiments[0]:
-        return problem
-    return replace(problem, experiments=chosen, windows=(len(chosen),))
 
 
 def _best_trial(

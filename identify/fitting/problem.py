@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.experiment import Experiment, misfit
 from firmloop.identify.fitting.least_squares import Reduced, Unknowns, minimize, triangle
+from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import MOST_STEPS, Engine
 
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 _FAR = 1e9  # times the noise: what a diverged simulation counts
 _STEEP = 1e15  # slopes beyond it belong to such a simulation
-_LEASH = 10.0  # see Problem
+LEASH = 10.0  # see FitProblem
 _STIFFER = 4.0  # times as many steps as the plant as given
 _FEW_STEPS = 4.0  # a row: with fewer, no plant that is given is stiff
 
@@ -27,7 +28,7 @@ _FEW_STEPS = 4.0  # a row: with fewer, no plant that is given is stiff
 class FitProblem:
     """Least squares over coordinates: the free parameters (logarithms of positive ones), then the initial states.
 
-    Each coordinate of a parameter the user gave is held by a leash, a residual of (distance / _LEASH): nothing against
+    Each coordinate of a parameter the user gave is held by a leash, a residual of (distance / LEASH): nothing against
     thousands of rows, but it keeps combinations that leave no trace in the data where the user put them.
     """
 
@@ -68,9 +69,23 @@ def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Exp
         low=np.array(low),
         high=np.array(high),
         leash_centre=np.where(logarithmic, np.log(np.abs(centre)), centre),
-        leash_weight=np.where(known, 1.0 / (_LEASH * scale), 0.0),
+        leash_weight=np.where(known, 1.0 / (LEASH * scale), 0.0),
         weights=1.0 / spread,
     )
+
+
+def loosened(problem: FitProblem, plant: Plant) -> FitProblem:
+    """Return the problem of a plant that has fewer values: what has none is held by no leash."""
+    unknown = np.array([math.isnan(plant.parameters[index].value) for index in problem.free], dtype=bool)
+    return replace(problem, plant=plant, leash_weight=np.where(unknown, 0.0, problem.leash_weight))
+
+
+def shortened(problem: FitProblem, steps: Sequence[float]) -> FitProblem:
+    """Return the problem on the stretches that tell basins apart; itself where its recordings are short."""
+    chosen = stretches(problem.experiments, steps)
+    if len(chosen) == len(problem.experiments) and chosen[0] is problem.experiments[0]:
+        return problem
+    return replace(problem, experiments=chosen, windows=(len(chosen),))
 
 
 def bounded(problem: FitProblem) -> tuple[FitProblem, list[float]]:

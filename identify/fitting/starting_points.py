@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.experiment import Experiment, misfit
 from firmloop.identify.fitting.least_squares import triangle
-from firmloop.identify.plants.kinds import find_kind
-from firmloop.identify.plants.operating_point import OUTPUT
+from firmloop.identify.fitting.problem import LEASH, FitProblem, loosened, shortened
+from firmloop.identify.plants.kinds import find_kind, kinds
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import Engine
 
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _KEPT = 3  # of the grid; distinct basins are few in plants of one or two time constants
 _SPREAD = 3.0  # factor by which a nameplate value may be off before the basin of the fit is in danger
+_STRAIGHT = 1e-6  # of how far outputs move: less is rounding
 _SEED = 20240229  # any; fixed, so that a fit repeats
 
 
@@ -31,8 +32,58 @@ def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Exper
     first start and the others lie around it (Latin hypercube over the logarithms of the free ones).
     """
     given = np.array([parameter.value for parameter in plant.parameters])
-    if np.any(np.isnan(given)):
-        return _scored_grid(plant, simulator, experiments, given)
+    names = [parameter.name for parameter in plant.parameters]
+    if not np.any(np.isnan(given)):
+        return _around(plant, given)
+    if {name for name, value in zip(names, given, strict=True) if math.isnan(value)} <= set(_linear(plant)):
+        return _scored(plant, simulator, experiments, _around(plant, given))
+    step = min(made.course.step for made in experiments)
+    span = max(float(made.course.time[-1] - made.course.time[0]) for made in experiments)
+    shapes = find_kind(plant.kind).shapes(step, span)
+    grid = [np.array([shape.get(name, math.nan) for name in names]) for shape in shapes]
+    return _scored(plant, simulator, experiments, [np.where(np.isnan(given), shape, given) for shape in grid])
+
+
+def without_far_values(problem: FitProblem, steps: Sequence[float]) -> FitProblem:
+    """Return the problem without those values of scale and level that the recordings lie beyond the leash of.
+
+    They follow from the data by linear least squares, so that no start is needed, and a far one would only hold the fit
+    back. Not where an effect keeps the output from being linear in them. `steps` as for `shortened`.
+    """
+    plant, simulator, experiments = problem.plant, problem.engine, shortened(problem, steps).experiments
+    given = np.array([parameter.value for parameter in plant.parameters])
+    linear = [k for k, p in enumerate(plant.parameters) if p.name in _linear(plant) and p.free and p.value]
+    if not linear or np.all(np.isnan(given[linear])):
+        return problem
+    bare = plant.valued({plant.parameters[k].name: math.nan for k in linear})
+    for found in starting_points(bare, simulator, experiments)[:1]:
+        far = [k for k in linear if abs(found[k] - given[k]) > LEASH * abs(given[k])]
+        if far and _is_linear(simulator, experiments, found, linear):
+            return loosened(problem, plant.valued({plant.parameters[k].name: math.nan for k in far}))
+    return problem
+
+
+def _linear(plant: Plant) -> tuple[str, ...]:
+    """Return the names of the scale and the level of the plant's kind, as far as it has them."""
+    kind = kinds().get(plant.kind)
+    return () if kind is None else tuple(filter(None, (kind.scale, kind.level)))
+
+
+def _is_linear(simulator: Engine, experiments: Sequence[Experiment], constants: Array, which: Sequence[int]) -> bool:
+    """Tell whether the outputs at 0, 1 and 2 times constants[which] lie on one line."""
+    for made in experiments:
+        runs = []
+        for factor in (0.0, 1.0, 2.0):
+            moved = constants.copy()
+            moved[list(which)] *= factor
+            runs.append(simulator.run(made.course, moved, np.zeros(simulator.states)))
+        bend, reach = runs[2] - 2.0 * runs[1] + runs[0], runs[1] - runs[0]
+        if not np.linalg.norm(bend) <= _STRAIGHT * np.linalg.norm(reach):
+            return False
+    return True
+
+
+def _around(plant: Plant, given: Array) -> tuple[Array, ...]:
     free = [index for index, p in enumerate(plant.parameters) if p.free and p.value != 0.0]
     if not free:
         return (given,)
@@ -48,20 +99,20 @@ def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Exper
     return tuple(starts)
 
 
-def _scored_grid(plant: Plant, simulator: Engine, experiments: Sequence[Experiment], given: Array) -> tuple[Array, ...]:
+def _scored(
+    plant: Plant, simulator: Engine, experiments: Sequence[Experiment], shapes: Sequence[Array]
+) -> tuple[Array, ...]:
+    """Return the best of shapes (k,), whose scale and level follow from the data where they have none."""
     kind = find_kind(plant.kind)
-    names = [parameter.name for parameter in plant.parameters]
-    step = min(made.course.step for made in experiments)
-    span = max(float(made.course.time[-1] - made.course.time[0]) for made in experiments)
-    level = [k for k, each in enumerate(plant.parameters) if each.name == OUTPUT and each.free]
+    scale = [k for k, each in enumerate(plant.parameters) if each.name == kind.scale]
+    level = [k for k, each in enumerate(plant.parameters) if each.name == kind.level and each.free]
     scored: dict[tuple[float, ...], float] = {}
-    for shape in kind.shapes(step, span):
-        constants = np.array([shape.get(name, math.nan) for name in names])
-        constants = np.where(np.isnan(given), constants, given)
-        bounded = [min(max(value, p.low), p.high) for value, p in zip(constants, plant.parameters, strict=True)]
+    for shape in {each.tobytes(): each for each in shapes}.values():
+        bounded = [min(max(value, p.low), p.high) for value, p in zip(shape, plant.parameters, strict=True)]
         constants = np.array(bounded)
-        scale = [names.index(kind.scale)] if kind.scale is not None and np.isnan(constants).any() else []
-        constants, cost = _scaled(simulator, experiments, constants, (*scale, *level), bool(scale))
+        constants[level] = np.nan_to_num(constants[level])
+        open_scale = [k for k in scale if np.isnan(constants[k])]
+        constants, cost = _scaled(simulator, experiments, constants, (*open_scale, *level), bool(open_scale))
         scored.setdefault(tuple(constants.tolist()), cost)
     best = sorted((cost, constants) for constants, cost in scored.items() if math.isfinite(cost))
     return tuple(np.array(constants) for _, constants in itertools.islice(best, _KEPT))

@@ -110,20 +110,36 @@ def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None
         )
     if any(moves(made.target) for made in parts):
         return
-    held = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, drive[0], strict=True))
     raise IdentifyError(
-        f"{parts[0].source}: the step never comes: {held} in every row, and {', '.join(parts[0].names)} "
-        f"show{'s' if len(parts[0].names) == 1 else ''} nothing but noise; record the plant while its input changes"
+        f"{parts[0].source}: the step never comes: {_held_input(plant, drive)} in every row, and "
+        f"{', '.join(parts[0].names)} show{'s' if len(parts[0].names) == 1 else ''} nothing but noise; record the "
+        "plant while its input changes"
     )
 
 
-def check_answer(plant: Plant, interval: tuple[float, float] | None, sources: Sequence[str]) -> None:
+def check_answer(
+    plant: Plant, interval: tuple[float, float] | None, recordings: Sequence[Sequence[Experiment]]
+) -> None:
     """Raise IdentifyError where the 95 % interval of a fitted gain holds 0: the output does not answer the input."""
     if interval is None or not interval[0] <= 0.0 <= interval[1]:
         return
+    parts = [made for windows in recordings for made in windows]
+    where = f"{', '.join(dict.fromkeys(made.source for made in parts))}: "
+    drive = np.concatenate([made.course.drive for made in parts])
+    if not np.any(np.ptp(drive, axis=0)):
+        raise IdentifyError(
+            f"{where}{_held_input(plant, drive)} in every row, so that gain cannot be told from what "
+            f"{plant.outputs[0].name} does by itself; record the plant while its input changes, or fix gain with "
+            "free = false"
+        )
     raise IdentifyError(
-        f"{', '.join(dict.fromkeys(sources))}: gain cannot be told from 0 (95 % interval {interval[0]:.2g} to "
+        f"{where}gain cannot be told from 0 (95 % interval {interval[0]:.2g} to "
         f"{interval[1]:.2g}): as a {plant.kind}, {plant.outputs[0].name} does not answer {plant.inputs[0].name}, or "
         "the recording does not hold what the kind needs; check the wiring, excite the plant more, or choose another "
         "kind"
     )
+
+
+def _held_input(plant: Plant, drive: Array) -> str:
+    """Say at what the inputs (n, m) stand throughout."""
+    return ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, drive[0], strict=True))

@@ -37,9 +37,9 @@ class PlantKind:
     """`build(inputs, outputs, parameters)` writes the equations.
 
     `shapes(step, span)` proposes starting values of every guessable constant but `scale`, for a recording of typical
-    sample time `step` and length `span`, both in s; `scale` names the constant the output is proportional to, which
-    then follows from the data by linear least squares. `optional(inputs, outputs)` are the constants that are there
-    only where the project gives them; they stand behind the others.
+    sample time `step` and length `span`, both in s; `scale` names the constant the output is proportional to, `level`
+    one that is added to it: both then follow from the data by linear least squares. `optional(inputs, outputs)` are the
+    constants that are there only where the project gives them; they stand behind the others.
     """
 
     name: str
@@ -51,6 +51,7 @@ class PlantKind:
     shapes: Callable[[float, float], tuple[Mapping[str, float], ...]] = lambda step, span: ()
     per_unit: str | None = None  # the constant that turns a named drive signal into the input it insists on
     optional: Callable[[Sequence[str], Sequence[str]], tuple[PlantConstant, ...]] = lambda inputs, outputs: ()
+    level: str | None = None
 
 
 def equations(name: str, state: ca.SX, drive: ca.SX, constants: ca.SX, result: ca.SX) -> ca.Function:

@@ -15,7 +15,7 @@ import casadi as ca
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations
-from firmloop.identify.plants.operating_point import driven, rest_constants, rest_input, rest_levels, shown
+from firmloop.identify.plants.operating_point import OUTPUT, driven, rest_constants, rest_input, rest_levels, shown
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -89,4 +89,5 @@ KIND = PlantKind(
     shapes=shapes,
     scale="gain",
     optional=rest_constants,
+    level=OUTPUT,
 )

@@ -12,7 +12,15 @@ from collections.abc import Mapping
 import casadi as ca
 
 from firmloop.identify.plants.kind import PlantConstant, PlantKind, equations, may_be, moving_balance
-from firmloop.identify.plants.operating_point import deviating, driven, rest_constants, rest_input, rest_levels, shown
+from firmloop.identify.plants.operating_point import (
+    OUTPUT,
+    deviating,
+    driven,
+    rest_constants,
+    rest_input,
+    rest_levels,
+    shown,
+)
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.signal import Signal
 
@@ -72,4 +80,5 @@ KIND = PlantKind(
     shapes=shapes,
     scale="gain",
     optional=rest_constants,
+    level=OUTPUT,
 )

@@ -44,4 +44,5 @@ KIND = PlantKind(
     build=build,
     shapes=shapes,
     scale="gain",
+    level="offset",
 )
