@@ -82,9 +82,9 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
         )
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.001
     raise IdentifyError(
-        f"{plain}: time must rise; the readings of both rows differ, so that one stamp is wrong: correct it, or give "
-        "the time between rows if they are even",
-        f"[recordings]\nperiod_s = {usual:.6g}",
+        f"{plain}: time must rise; the readings of both rows differ, so that "
+        f"{_stamps_or_rows(time, stuck + 1, usual, 'correct it')}",
+        _period_lines(time, stuck + 1, usual),
     )
 
 
@@ -171,11 +171,11 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
         after > time[fallen], True, (fallen > 0) & (time[fallen + 1] > before)
     )  # the later, or the earlier
     if len(falls) <= _SHARE * len(time) and np.all(alone) and np.all(-falls > 2.0 * usual):
+        wrong = np.where(after > time[fallen], fallen + 1, fallen)
         return IdentifyError(
             f"{plain}: time must rise; the rows around go on, so that "
-            f"{'one stamp is' if len(falls) == 1 else f'{len(falls)} stamps are'} wrong: correct it or delete the row, "
-            "or give the time between rows if they are even",
-            f"[recordings]\nperiod_s = {usual:.6g}",
+            f"{_stamps_or_rows(time, wrong, usual, 'correct it or delete the row')}",
+            _period_lines(time, wrong, usual),
         )
     if np.all(-falls > 0.5 * (time[:-1][steps < 0.0] - time[0])):
         return IdentifyError(
@@ -193,6 +193,29 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
         f"{back}: sort the rows by time if the logger has swapped them, or split the file where a second recording "
         "begins"
     )
+
+
+def _stamps_or_rows(time: Array, wrong: NDArray[np.intp], usual: float, cure: str) -> str:
+    """Say what is wrong, stamps or the rows themselves, and the cure that fits, see `_period_lines`."""
+    many = len(wrong)
+    if _period_lines(time, wrong, usual):
+        stamps = "one stamp is" if many == 1 else f"{many} stamps are"
+        return f"{stamps} wrong: {cure}, or give the time between rows if they are even"
+    if np.ptp(_away(np.delete(time, wrong), np.arange(len(time) - many), usual)) < 0.5:
+        rows = "this row is" if many == 1 else f"{many} such rows are"
+        return f"{rows} one too many, for without it the clock goes on evenly: delete {'it' if many == 1 else 'them'}"
+    return f"{'one stamp is' if many == 1 else f'{many} stamps are'} wrong: {cure}"
+
+
+def _period_lines(time: Array, wrong: NDArray[np.intp], usual: float) -> str:
+    """Return the lines that give the rows an even period; blank where that would move the rows not `wrong` in time."""
+    kept = np.delete(np.arange(len(time)), wrong)
+    return f"[recordings]\nperiod_s = {usual:.6g}" if np.ptp(_away(time[kept], kept, usual)) < 0.5 else ""
+
+
+def _away(time: Array, rows: NDArray[np.intp], usual: float) -> Array:
+    """Return by how many rows the stamps are away from where an even clock has these rows."""
+    return np.asarray(time / float(f"{usual:.6g}") - rows)
 
 
 def _goes_on(table: RawTable, falls: NDArray[np.intp]) -> bool:

@@ -228,3 +228,25 @@ def test_a_file_without_time_takes_the_period(bench: Callable[..., tuple]) -> No
     status, columns, said = bench(content, "period_s = 0.05\nstart_s = 0")
     assert status == 0, said
     alike(columns)
+
+
+@pytest.mark.parametrize(
+    ("rows", "says", "offered"),
+    [
+        ([*ROWS[:40], ROWS[20], *ROWS[40:]], "this row is one too many, for without it the clock goes on", False),
+        ([*ROWS[:40], *ROWS[39:]], "written twice, so delete the second", False),
+        ([*ROWS[:40], f"{ROWS[39].partition(',')[0]},0.5,0.5", *ROWS[40:]], "this row is one too many", False),
+        ([*ROWS[:40], f"0.50,{ROWS[40].partition(',')[2]}", *ROWS[41:]], "one stamp is wrong: correct it", True),
+        ([*ROWS[:40], f"0.50,{ROWS[40].partition(',')[2]}", *ROWS[44:]], "one stamp is wrong: correct it", False),
+    ],
+)
+def test_a_period_is_offered_only_where_it_leaves_the_other_rows_in_place(
+    rows: list[str], says: str, offered: bool, bench: Callable[..., tuple]
+) -> None:
+    status, _, said = bench("\n".join([HEADER, *rows, ""]))
+    assert status == 2 and "line 42, column time_s" in said and says in said
+    assert ("period_s" in said) == offered
+    if offered:
+        status, columns, said = bench("\n".join([HEADER, *rows, ""]), "period_s = 0.05")
+        assert status == 0, said
+        alike(columns)
