@@ -44,6 +44,7 @@ class Experiment:
     conditioning: Conditioning
     lags: Mapping[str, float]  # s by which an output's clock is late
     known: tuple[int, ...] = ()  # states that are zero at its first row, see `known_states`
+    unseen: int = 0  # rows at its begin that answer an input from before the recording alone
 
 
 def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) -> tuple[Experiment, ...]:
@@ -52,7 +53,12 @@ def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) 
     inputs = tuple(signal.name for signal in plant.inputs)
     course = course_of(plant, recording)
     drive = np.column_stack([condition_input(conditioning, n, c) for n, c in zip(inputs, course.drive.T, strict=True)])
+    if course.knots is not None:
+        moments, lines = course.knots
+        course = replace(course, knots=(moments, lines + (drive[0] - course.drive[0])))  # what it loses is a constant
     course = replace(course, drive=np.ascontiguousarray(drive))
+    # A plant that remembers nothing answers in the first row an input that nobody has recorded.
+    unseen = int(not plant.remembers and course.knots is None)
     values = measured(plant, recording)
     check_parts(conditioning, recording.source, course.time)
     made, known = [], known_states(plant, recording)
@@ -62,7 +68,8 @@ def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) 
         bare = Experiment(
             recording.source, replace(course, first=first, end=end), part, part, names, conditioning, lags={}
         )
-        made.append(replace(bare, target=conditioned(bare, part), known=() if first else known))
+        own = replace(bare, known=() if first else known, unseen=0 if first else unseen)
+        made.append(replace(own, target=conditioned(own, part)))
     return tuple(made)
 
 
@@ -91,14 +98,16 @@ def delayed(made: Experiment, outputs: Array) -> Array:
 
     Of rows that lie before the simulation's begin or behind its end nothing is known: there they are as measured.
     """
-    if not made.lags:
+    if not made.lags and not made.unseen:
         return outputs
     late, time = outputs.copy(), rows_time(made)
+    late[: made.unseen] = made.measured[: made.unseen] if outputs.ndim == made.measured.ndim else 0.0
     for index, name in enumerate(made.names):
         if made.lags.get(name):
             moments = time - made.lags[name]
             late[:, index] = interpolate(time, outputs[:, index], moments)
             unknown = not_simulated(made, made.lags[name])
+            unknown[: made.unseen] = True
             late[unknown, index] = made.measured[unknown, index] if outputs.ndim == made.measured.ndim else 0.0
     return late
 

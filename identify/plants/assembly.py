@@ -101,7 +101,8 @@ class Assembly:
         self.coordinates: list[StickingState] = []
         self.timing = Timing()
         self.lags: list[tuple[int, int, float]] = []  # output, row, 1/s
-        self.starts: list[Callable[[Array], float]] = []  # start value of each added state, from the plant's own
+        # start value of each added state, from those before it and, by these shares, the inputs before the first row
+        self.starts: list[tuple[Callable[[Array], float], Array]] = []
         self.per = [balance.per for balance in forms.balances]
         self.row = [balance.state for balance in plant.balances]
         self.bodies = bodies = [index for index, b in enumerate(plant.balances) if b.kind in ("torque", "force")]
@@ -136,14 +137,17 @@ class Assembly:
     def _split(self, row: Array) -> tuple[Array, Array]:
         return row[: len(row) - self.inputs].copy(), row[len(row) - self.inputs :].copy()
 
-    def add_state(self, start: Callable[[Array], float]) -> int:
-        """Add a state at rest in the equations so far; `start` computes its first value from the plant's states."""
+    def add_state(self, start: Callable[[Array], float], by_input: Array | None = None) -> int:
+        """Add a state at rest in the equations so far; `start` computes its first value from the plant's states.
+
+        `by_input` (m,) is what the inputs before the first row add to it.
+        """
         n = len(self.a)
         self.a = _grown(self.a, n + 1, n + 1)
         self.b = _grown(self.b, n + 1, self.inputs)
         self.read_x = _grown(self.read_x, len(self.read_x), n + 1)
         self.c, self.current_x, self.effort_x = (np.append(row, 0.0) for row in (self.c, self.current_x, self.effort_x))
-        self.starts.append(start)
+        self.starts.append((start, np.zeros(self.inputs) if by_input is None else by_input))
         return n
 
     def add_term(self, row: int, code: str, constants: tuple[float, ...], per: float, rate: Rate) -> None:
@@ -193,7 +197,7 @@ class Assembly:
         """Filter an output by a first-order lag."""
         rate = 1.0 / time_constant
         by_x, by_u = self.read_x[output].copy(), self.read_u[output].copy()
-        row = self.add_state(lambda x: float(by_x[: len(x)] @ x[: len(by_x)]) + offset)
+        row = self.add_state(lambda x: float(by_x[: len(x)] @ x[: len(by_x)]) + offset, by_u)
         offset = float(self.read_c[output])
         self.a[row, : len(by_x)] = rate * by_x
         self.a[row, row] = -rate
@@ -256,11 +260,11 @@ class Assembly:
         k = int(np.argmax(np.abs(current)))
         return float(effort[k] / current[k])
 
-    def start(self, given: Array) -> Array:
-        """Return the whole start state from that of the plant."""
+    def start(self, given: Array, before: Array) -> Array:
+        """Return the whole start state from that of the plant, with the inputs (m,) `before` the first row."""
         whole = np.asarray(given, dtype=np.float64)
-        for first in self.starts:
-            whole = np.append(whole, first(whole))
+        for first, by_input in self.starts:
+            whole = np.append(whole, first(whole) + float(by_input @ before))
         return whole
 
 

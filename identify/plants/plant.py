@@ -132,6 +132,11 @@ class Plant:
     input_at_rest: str | None = None  # name of the parameter that the input is at before the first row; None: zero
 
     @property
+    def remembers(self) -> bool:
+        """Tell whether the plant's own equations have states, which may be at rest before the first row."""
+        return len(self.states) > len(self.varying)
+
+    @property
     def resting_input(self) -> float:
         """The first input with which the plant rests, as given; zero where none is given."""
         given = next((p.value for p in self.parameters if p.name == self.input_at_rest), 0.0)

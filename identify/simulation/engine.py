@@ -209,7 +209,8 @@ class EffectSimulator:
     def _segments(self, course: Course, made: Job) -> Segments:
         delay = made.delay
         timing = made.timing
-        moment = (course.first, course.end, delay, made.rest)
+        rest = made.rest if self.plant.remembers else None
+        moment = (course.first, course.end, delay, rest)
         key = (id(course.time), id(course.drive), id(course.knots), *moment, *timing.key())
         found = self.cuts.get(key)
         # The course is kept with its segments, so that its identity cannot be another's.
@@ -217,7 +218,7 @@ class EffectSimulator:
             return found[1]
         while len(self.cuts) >= 4 * _KEPT:
             self.cuts.pop(next(iter(self.cuts)))
-        cut = segments(course, timing, delay, made.rest, self.outputs, slew_function(library()))
+        cut = segments(course, timing, delay, rest, self.outputs, slew_function(library()))
         self.cuts[key] = (course, cut)
         return cut
 

@@ -315,7 +315,7 @@ def run_job(made: Job, cut: Segments, start: Array, course: Course) -> Array:
         problem.turn_time, problem.turn = course.time.ctypes.data, course.turn.ctypes.data
         problem.lost = course.lost
     outputs = np.full((course.end - course.first, problem.r), np.nan)
-    begin = np.ascontiguousarray(made.assembly.start(start))
+    begin = np.ascontiguousarray(made.assembly.start(start, cut.before))
     done = library(problem.n, problem.m).run_segments(ctypes.addressof(problem), begin.ctypes.data, outputs.ctypes.data)
     if done < 0:
         raise MemoryError("the simulator ran out of memory")

@@ -67,6 +67,7 @@ def _data(made: Job, plant: Plant, period: float) -> str:
     whole = [int(wait / period + _SAME) for wait in waits]
     after = [(count + 1) * period - wait for count, wait in zip(whole, waits, strict=True)]
     late = made.delay + timing.input_delay
+    before = mapped(still(problem.m, made.rest), timing)[0]
     pieces = 2 * (math.ceil(late / period) + 3)
     lines = [
         "/* plant_data.h -- the plant: its matrices, its terms, when its inputs act and its outputs are read. */",
@@ -87,8 +88,8 @@ def _data(made: Job, plant: Plant, period: float) -> str:
         _vector("BREAKS", timing.breaks),
         _vector("AFTER", after),
         f"static const int WHOLE[] = {{{', '.join(map(str, whole))}}};",
-        _vector("REST", mapped(still(problem.m, made.rest), timing)[0]),
-        _vector("START", made.assembly.start(np.zeros(len(plant.states)))),
+        _vector("REST", before),
+        _vector("START", made.assembly.start(np.zeros(len(plant.states)), before)),
         *_mapping(timing),
         *(_vector(f"M_{name}", np.ravel(made.arrays[name])) for name in _MATRICES),
         f"static const int LAG[] = {{{', '.join(map(str, np.ravel(made.lag).tolist()))}}};",

@@ -45,16 +45,17 @@ class Segments:
         return {name: getattr(self, name).ctypes.data for name in _ARRAYS}
 
 
-def segments(course: Course, timing: Timing, delay: float, rest: float, outputs: int, slew: Slew) -> Segments:
+def segments(course: Course, timing: Timing, delay: float, rest: float | None, outputs: int, slew: Slew) -> Segments:
     """Build the segments of rows first..end.
 
-    `delay` is the plant's own delay of its inputs, `rest` the first of them before the recording.
+    `delay` is the plant's own delay of its inputs, `rest` the first of them before the recording. None: a plant that
+    remembers nothing has no rest, and its inputs were before what they are in the first row.
     """
     time = course.time[course.first : course.end]
     late = delay + timing.input_delay
     value = mapped(course.drive, timing)
     lines = course.knots
-    at_rest = mapped(still(course.drive.shape[1], rest), timing)[0]
+    at_rest = value[0] if rest is None else mapped(still(course.drive.shape[1], rest), timing)[0]
     plain = lines is None and not (
         late or timing.output_delay or timing.stretch or len(timing.breaks) or np.isfinite(timing.slew)
     )
@@ -86,7 +87,8 @@ def segments(course: Course, timing: Timing, delay: float, rest: float, outputs:
     piece = np.searchsorted(moments, begin + _SAME * course.step, side="right") - 1
     start = np.where(piece[:, None] >= 0, values[piece] + ramps[piece] * (begin - moments[piece])[:, None], at_rest)
     ramp = np.where(piece[:, None] >= 0, ramps[piece], 0.0)
-    before = np.searchsorted(moments, time[0], side="left") - 1
+    # A line goes through its value in the first row, where a held input has not acted yet.
+    before = np.searchsorted(moments, time[0], side="left" if lines is None else "right") - 1
     opening = values[before] + ramps[before] * (time[0] - moments[before]) if before >= 0 else at_rest
     alone = bool(timing.output_delay)
     rows = np.tile(np.arange(len(time), dtype=np.int32), len(stamps))

@@ -110,7 +110,8 @@ def simulate(plant: Plant, recording: Recording, start: Array | None) -> Array:
     """Predict every output (n, r) from the recorded inputs alone; row k is read before input k acts.
 
     `start` is the initial state (n,); None starts at the first recorded position and otherwise at rest. Before the
-    first row the input is zero, or where the plant says that it rests.
+    first row the input is zero, or where the plant says that it rests; a plant without memory has no rest, and its
+    input is before the first row what it is there.
     """
     constants = constants_of(plant)
     begin = rest_start(plant, recording) if start is None else np.asarray(start, dtype=np.float64)

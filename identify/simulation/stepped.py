@@ -74,7 +74,7 @@ class SteppedPlant:
         self._now = mapped(still(problem.m, self._job.rest), timing)[0]  # what the actuator gives, before its delay
         self._pieces: list[Piece] = [(-math.inf, self._now.copy(), np.zeros(problem.m))]  # oldest first
         self._count = 0
-        begin = np.ascontiguousarray(self._job.assembly.start(np.zeros(len(plant.states))))
+        begin = np.ascontiguousarray(self._job.assembly.start(np.zeros(len(plant.states)), self._now))
         run = library().begin_run(ctypes.addressof(problem), begin.ctypes.data)
         if not run:
             raise MemoryError("the simulator ran out of memory")

@@ -1,4 +1,8 @@
-"""An actuator without memory worth naming: its output is gain * input + offset."""
+"""An actuator without memory worth naming: its output is gain * input + offset.
+
+A row is read before its own input acts. What the input was before the first row is in no recording: it is simulated as
+what it is in the first row, and a fit leaves that row out. Step by step, in a closed loop or as an FMU, it was zero.
+"""
 
 from __future__ import annotations
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy
 
+from firmloop.cli import main
 from firmloop.design.design import Request
 from firmloop.design.law import DesignError
 from firmloop.design.models.model import model_of
@@ -14,7 +17,7 @@ from firmloop.identify.fitting.fit import fit
 from firmloop.identify.plants.attach import EffectUse, with_effects
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.plant_table import plant_from_table
-from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import simulate
@@ -131,9 +134,50 @@ def test_an_actuator_without_memory_is_found_and_takes_effects():
         }
     )  # fmt: skip
     inside = np.sign(duty) * np.maximum(np.abs(duty) - 4.0, 0.0)
-    expected = np.clip(2.0 * np.concatenate([[0.0], inside[:-1]]) - 3.0, -8.0, 8.0)
+    expected = np.clip(2.0 * np.concatenate([inside[:1], inside[:-1]]) - 3.0, -8.0, 8.0)
     assert simulate(plant, recording, None)[:, 0] == pytest.approx(expected)
     assert linearize(plant).d == pytest.approx(np.array([[2.0]]))
+
+
+@pytest.mark.parametrize("before", ["at rest", "as in the first row"])
+def test_the_first_row_of_an_actuator_without_memory_answers_no_input_of_zero(tmp_path, capsys, before):
+    """A ramp of a servo pulse begins at 1000 us: a pulse of zero has never been."""
+    pulse = 1000.0 + 0.5 * np.arange(400)
+    held = np.concatenate([[0.0 if before == "at rest" else pulse[0]], pulse[:-1]])
+    force = 3.3e-4 * held - 0.33 + np.random.default_rng(3).normal(0.0, 1e-3, 400)
+    rows = [f"{0.02 * k:.2f},{u:g},{y:.6f}" for k, (u, y) in enumerate(zip(pulse, force, strict=True))]
+    (tmp_path / "up.csv").write_text("\n".join(["time_s,pulse_us,force_N", *rows, ""]), encoding="utf-8")
+    given = 'schema = 1\nname = "esc"\n[recordings]\ntrain = ["up.csv"]\n[plant]\nkind = "static"\ninput = "pulse_us"\n'
+    (tmp_path / "p.toml").write_text(given + 'outputs = ["force_N"]\n', encoding="utf-8")
+    assert main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "fit")]) == 0
+    assert float(capsys.readouterr().out.partition("rmse ")[2].split()[0]) == pytest.approx(1e-3, rel=0.15)
+    fitted = [str(tmp_path / "fit" / "project.toml"), str(tmp_path / "up.csv")]
+    assert main(["simulate", *fitted, "--out", str(tmp_path / "sim.csv")]) == 0
+    shown = np.genfromtxt(tmp_path / "sim.csv", delimiter=",", names=True)["force_N"]
+    assert shown[:2] == pytest.approx([0.0, 0.0], abs=1e-3)
+
+
+def test_what_follows_an_actuator_without_memory_begins_settled_at_its_first_input():
+    duty = np.full(50, 5.0)
+    recording = make_recording(np.arange(50) * 0.1, {"duty": duty, "force_N": 0.0 * duty}, "run", "")
+    bare = make_plant("static", "duty", ["force_N"], {"gain": 2.0, "offset": -3.0})
+    for name, values in (
+        ("sensor_lag", {"time_constant_s": 0.7}),
+        ("input_delay", {"delay_s": 0.35}),
+        ("slew_rate_limit", {"rate_s": 1.0}),
+    ):
+        plant = with_effects(bare, [EffectUse(name, None, values)])
+        assert simulate(plant, recording, None)[:, 0] == pytest.approx(np.full(50, 7.0)), name
+
+
+def test_a_straight_input_passes_through_its_first_row_and_loses_its_mean():
+    duty = 5.0 + np.sin(np.arange(300) * 0.3)
+    force = 2.0 * (duty - duty.mean()) - 3.0
+    recording = replace(make_recording(np.arange(300) * 0.1, {"duty": duty, "force_N": force}, "r", ""), hold="linear")
+    bare = make_plant("static", "duty", ["force_N"], {"gain": 2.0, "offset": -3.0})
+    assert simulate(bare, recording, None)[:, 0] == pytest.approx(2.0 * duty - 3.0)
+    found = fit(bare, [recording], [], Conditioning(remove_offset=("duty",))).plant
+    assert [p.value for p in found.parameters] == pytest.approx([2.0, -3.0])
 
 
 def test_a_servo_does_not_answer_small_moves_about_the_command_it_rests_at():
