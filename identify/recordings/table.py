@@ -50,11 +50,11 @@ _FEWEST = 2  # columns of numbers: a time and one signal
 def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawTable | Misread:
     """Check arrays of a binary file (one per column) and count their rows from 1.
 
-    Dates become seconds from the first; text, and single values beside arrays, are left aside.
+    Dates become seconds from the first; text, columns of NaN, and single values beside arrays, are left aside.
     """
     columns = []
     aside = {
-        name: "holds text" if array.dtype.kind in "USO" else "is one value"
+        name: "holds text" if array.dtype.kind in "USO" else "is one value" if array.ndim == 0 else "holds no number"
         for name, array in arrays
         if _is_a_remark(array)
     }
@@ -98,7 +98,8 @@ def without_row_numbers(table: RawTable) -> RawTable:
 
 
 def _is_a_remark(array: NDArray[np.generic]) -> bool:
-    return array.ndim == 0 or array.dtype.kind in "USO"
+    blank = array.dtype.kind == "f" and array.ndim == 1 and array.size > 0 and bool(np.all(np.isnan(array)))
+    return array.ndim == 0 or array.dtype.kind in "USO" or blank
 
 
 def _seconds(array: NDArray[np.generic]) -> NDArray[np.generic]:

@@ -21,6 +21,7 @@ def without_words(lines: list[str]) -> tuple[list[str], dict[int, str], str]:
     for mark in _MARKS:
         cells = last.split(mark)
         end = max((k + 1 for k, cell in enumerate(cells) if cell.strip()), default=0)
+        end = max(end, _last_empty(lines, mark, len(cells), end)) if end >= _FEWEST_NUMBERS else end
         words = tuple(k for k, cell in enumerate(cells[:end]) if _is_word(cell))
         numbers = tuple(k for k, cell in enumerate(cells[:end]) if _is_number(cell))
         if len(numbers) == end >= _FEWEST_NUMBERS:
@@ -46,6 +47,14 @@ def without_words(lines: list[str]) -> tuple[list[str], dict[int, str], str]:
         holds = {j: f"{f'holds {word}' if word else 'is empty'}{part}" for j, word in shown.items()}
         return out, holds, f"has {held} {without}, left aside: {told}"
     return lines, {}, ""
+
+
+def _last_empty(lines: list[str], mark: str, width: int, end: int) -> int:
+    """Return up to which column a header names columns behind the `end` that are empty in every row; 0 where none."""
+    rows = [cells[end:] for line in lines if len(cells := line.split(mark)) == width]
+    if len(rows) < 2 or any(_bare(cell) for row in rows[1:] for cell in row):
+        return 0
+    return end + max((k + 1 for k, cell in enumerate(rows[0]) if _bare(cell) and not _is_number(cell)), default=0)
 
 
 def _bare(cell: str) -> str:

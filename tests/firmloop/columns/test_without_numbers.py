@@ -66,3 +66,45 @@ def test_init_names_the_words_that_stand_where_numbers_are_needed(
     (tmp_path / "a.csv").write_text(content)
     assert main(["init", str(tmp_path / "a.csv"), "--out", str(tmp_path / "p.toml")]) == 2
     assert words in capsys.readouterr().err
+
+
+def empty_columns(named: str = "servo,app message,") -> str:
+    """Return rows with an empty column amid the others, an empty one behind them, and a delimiter at the end."""
+    rows = (row.rpartition(",")[0].replace(",", ",,", 1) + ",," for row in stepped(lambda u: "").splitlines()[1:])
+    first, *others = named.split(",")
+    return "\n".join([f"time_s,{first},heater_percent,temperature_C,{','.join(others)}", *rows, ""])
+
+
+def test_columns_without_a_single_number_are_no_columns_of_the_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text(empty_columns())
+    assert main(["init", str(tmp_path / "a.csv"), "--out", str(tmp_path / "p.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "first_order, heater_percent -> temperature_C" in said
+    assert "column servo is empty and is not used" in said and "column app message is empty and is not used" in said
+    left = ["--leave-out", "servo", "--leave-out", "app message", "--out", str(tmp_path / "q.toml")]
+    assert main(["init", str(tmp_path / "a.csv"), *left]) == 0
+    assert "servo" not in capsys.readouterr().out
+    assert main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "fit")]) == 0
+
+
+@pytest.mark.parametrize("used", ["servo", "app message"])
+def test_an_empty_column_that_a_project_uses_is_called_empty(used: str, bench: Callable[..., tuple]) -> None:
+    content = empty_columns().replace("heater_percent", "u").replace(f"{used},", "voltage_V,", 1)
+    status, _, said = bench(content)
+    assert status == 2 and "column voltage_V is no column of numbers, it is empty; write numbers there" in said
+
+
+def test_columns_of_nan_of_a_binary_file_are_left_aside_until_they_are_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.genfromtxt(stepped(lambda u: "0").splitlines(), delimiter=",", names=True)
+    columns = {name: table[name] for name in ("time_s", "heater_percent", "temperature_C")}
+    np.savez(tmp_path / "a.npz", **columns, servo=np.full(len(table), np.nan))
+    assert main(["init", str(tmp_path / "a.npz"), "--out", str(tmp_path / "p.toml")]) == 0
+    assert "column servo holds no number and is not used" in capsys.readouterr().out
+    project = (tmp_path / "p.toml").read_text()
+    (tmp_path / "p.toml").write_text(project.replace('input = "heater_percent"', 'input = "servo"'))
+    assert main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "fit")]) == 2
+    assert "column servo is no column of numbers, it holds no number; write numbers there" in capsys.readouterr().err
