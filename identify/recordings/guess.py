@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,35 +21,47 @@ Array = NDArray[np.float64]
 # What a quantity may be called by others; the names that firmloop knows it by, of which the first is meant where the
 # file says no unit.
 _QUANTITIES: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
-    (frozenset("u v volt volts voltage vin uin vm um uq vq spannung tension".split()), ("voltage_V",)),
-    (frozenset("i current curr amps amp ampere im ia iq strom courant".split()), ("current_A",)),
+    (frozenset("u v volt volts voltage vin uin vm um uq vq spannung tension tensao tensione".split()), ("voltage_V",)),
+    (frozenset("i current curr amps amp ampere im ia iq strom courant corriente corrente".split()), ("current_A",)),
     (
-        frozenset("speed omega w rpm velocity vel rps drehzahl vitesse".split()),
+        frozenset("speed omega w rpm velocity vel rps drehzahl vitesse velocidad velocidade velocita".split()),
         ("speed_rad_s", "speed_m_s"),
     ),
-    (frozenset("angle theta phi alpha winkel".split()), ("position_rad",)),
-    (frozenset("position pos encoder x weg".split()), ("", "position_rad", "position_m")),
-    (frozenset("temperature temp temperatur".split()), ("temperature_C",)),
-    (frozenset(["torque", "moment", "drehmoment"]), ("torque_N_m",)),
-    (frozenset(["force", "kraft"]), ("force_N",)),
+    (frozenset("angle theta phi alpha winkel angulo angolo".split()), ("position_rad",)),
+    (
+        frozenset("position pos encoder x weg posicion posicao posizione".split()),
+        ("", "position_rad", "position_m"),
+    ),
+    (frozenset("temperature temp temperatur temperatura".split()), ("temperature_C",)),
+    (frozenset("torque moment drehmoment couple coppia".split()), ("torque_N_m",)),
+    (frozenset("force kraft fuerza forca forza thrust".split()), ("force_N",)),
 )
 # A unit that says by itself which quantity it is of, where the name does not.
-_BY_UNIT = ("current_A", "speed_rad_s", "temperature_C", "torque_N_m", "force_N")
+_BY_UNIT = ("current_A", "speed_rad_s", "position_rad", "temperature_C", "torque_N_m", "force_N")
+# Of these, g is the acceleration of gravity, and no gram of force.
+_ACCELERATIONS = frozenset(
+    "acc accel acceleration accx accy accz ax ay az vibration vib beschleunigung aceleracion aceleracao accelerazione "
+    "vibracion vibracao vibrazione".split()
+)
 _REFERENCES = frozenset(
     "ref reference set setpoint sp target desired demanded demand requested wanted goal commanded soll sollwert "
-    "consigne".split()
+    "referenz zielwert consigne referencia consigna objetivo deseado deseada desejado desejada riferimento".split()
 )
 # Of what is read from a plant a command is a reference, too, and so it is beside what else drives the plant.
 _COMMANDS = frozenset(["cmd", "command"])
 _EITHER = frozenset(["output", "out"])  # of a controller, which drives the plant, or of the plant
-_DRIVES = frozenset(
-    "u input in cmd command duty pwm drive voltage volt volts vin uin vm um uq vq force torque valve heater pump fan "
+# What a controller sends to a drive: a voltage beside it may be that of the drive, or of its supply.
+_SENT = frozenset("duty pwm throttle esc servo cmd command".split())
+_PULSES = frozenset("pulse pulses width puls impuls impulso pulso".split())  # that, where its unit is a time
+_DRIVES = _SENT | frozenset(
+    "u input in drive voltage volt volts vin uin vm um uq vq force torque valve heater pump fan "
     "power control ctrl actuator q1 q2 stell stellgrad stellgroesse spannung tension mv manipulated co op".split()
 )
 _ANSWERS = frozenset(
     "y sensor tacho measured meas measurement actual feedback process pv ist istwert response level speed velocity vel "
     "omega rpm position pos angle theta temperature temp pressure flow estimate counts ticks encoder drehzahl vitesse "
-    "winkel weg temperatur druck".split()
+    "winkel weg temperatur druck angulo angolo velocidad velocidade velocita posicion posicao posizione temperatura "
+    "thrust".split()
 )
 # Which way a column leans whose words say nothing of it, such as those of another language.
 _BY_QUANTITY = {
@@ -84,6 +97,7 @@ class Guessed:
     drives: int
     reads: int
     quantity: str = ""  # what firmloop calls its quantity, which another column may be called too
+    sent: bool = False  # whether a controller sends it to a drive
 
     @property
     def commands(self) -> bool:
@@ -137,10 +151,12 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         apart = own not in ("", wish) and (not wish or _same(unit_of(own), unit_of(wish)))
         plain = not wish or (len(twins) > 1 and apart)
         name = (own or _slug(foreign, unit, [each.name for each in made])) if plain else wish
-        leaning, aside = len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
+        pulse = bool(words & _PULSES) and _converts(unit, "s")
+        leaning, aside = pulse + len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
         share = 1 if unit in _SHARES and not words & _EITHER else 0
         leaning = leaning or _BY_QUANTITY.get(wish, share)
-        made.append(Guessed(foreign, name, unit, not plain, asks, leaning - aside, -leaning - aside, aim))
+        sent = pulse or bool(words & _SENT)
+        made.append(Guessed(foreign, name, unit, not plain, asks, leaning - aside, -leaning - aside, aim, sent))
     return _with_references(_with_sides(made))
 
 
@@ -181,14 +197,18 @@ def refuse_twins(used: Sequence[Guessed], among: Sequence[Guessed], file: str) -
     for one in used:
         same = [each.foreign for each in among if each.name == one.name and not each.reference]
         if len(same) > 1:
-            both = " and ".join(map(repr, same))
+            both = " and ".join(map(repr, same)) + " both"
             if len(set(same)) < len(same):
                 raise IdentifyError(
                     f"{file}: {len(same)} columns are called {same[-1]!r}; give each a name of its own in the header"
                 )
+            left, which = [same[-1]], "which one is"
+            if len(same) > 2:
+                both, which = f"{', '.join(map(repr, same))} all", "which ones are"
+                left = [name for name in same if name != one.foreign]
             raise IdentifyError(
-                f"{file}: columns {both} both seem to be {one.name}; say which one is to be left out: "
-                f"--leave-out {same[-1]!r}"
+                f"{file}: columns {both} seem to be {one.name}; say {which} to be left out: "
+                f"{' '.join(f'--leave-out {name!r}' for name in left)}"
             )
 
 
@@ -220,6 +240,8 @@ def _tick(values: Array) -> str:
 def _quantity(foreign: str, unit: str) -> str:
     """Return the name that firmloop has for a column, empty where none fits."""
     words = _words(foreign)
+    if words & _ACCELERATIONS and _converts(unit, "m/s^2"):
+        return ""
     for called, names in _QUANTITIES:
         if not words & called:
             continue
@@ -244,7 +266,8 @@ def _words(name: str) -> frozenset[str]:
     carried = carried_unit(name)
     bare = re.sub(rf"(?:\bin\s+)?[\[(]?{re.escape(carried)}[\])]?\s*$", "", name) if carried else name
     name = bare if re.search(r"[A-Za-z]", bare) else name
-    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    plain = "".join(sign for sign in unicodedata.normalize("NFKD", name) if not unicodedata.combining(sign))
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
     return frozenset(word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
 
 
@@ -259,7 +282,8 @@ def _slug(foreign: str, unit: str, taken: Sequence[str]) -> str:
     bare = re.sub(r"[\[(].*?[\])]", "", foreign)
     plain = "_".join(re.findall(r"[A-Za-z0-9]+", bare)) or "column"
     plain = plain if plain[0].isalpha() else f"column_{plain}"
-    endings = (each for each in _PLAIN_ENDINGS if _converts(unit, unit_of(f"x_{each}")))
+    likely = ("m_s2",) if _words(foreign) & _ACCELERATIONS else _PLAIN_ENDINGS
+    endings = (each for each in likely if _converts(unit, unit_of(f"x_{each}")))
     ending = "" if _same(unit, "1") else next(endings, "")  # what is counted in ones is so under any name
     carried = carried_unit(plain) if ending and unit_of(plain) != unit_of(f"x_{ending}") else ""
     plain = plain.removesuffix(f"_{ending}") if ending else plain

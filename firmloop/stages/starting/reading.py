@@ -35,6 +35,11 @@ POSITION = "position_rad"  # what an output without a unit is taken for that int
 _LAGS, _LONGEST_LAG = 20, 5.0  # tried, and what part of the recording the longest one is
 _EXPLAINED = 0.9  # of what moves besides a straight line, from which an output is told by the drive
 _RATHER = 0.25  # of what a lag leaves: an integral that leaves less is the better explanation
+_FOLLOWS = 0.7  # correlation with a command: half of what a signal does goes with it
+_FREELY = (
+    "; init cannot tell what moves by itself, as a free decay: write its project by hand, with {} as plant.input and "
+    "the equations that you expect (kind ode, or a stage of a machine)"
+)
 _CURES = 3  # that a file's clock may take one after the other: a counter that wraps, then lost digits
 
 
@@ -77,11 +82,12 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     )
     if not moving or len(moving) + len(asked) < 2:
         held = ", ".join(each.foreign for each in (*moving, *asked)) or "none"
+        alone = _FREELY.format(still[0].foreign if still else "a column of zeros") if moving and not first.words else ""
         raise IdentifyError(
             f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {held}"
-            f"{told_words(first.words)}{'; write decimal numbers there, such as 0 and 1' if first.words else ''}"
+            f"{told_words(first.words)}{'; write decimal numbers there, such as 0 and 1' if first.words else ''}{alone}"
         )
-    pushed = max(moving, key=lambda each: (each.drives, each.known, _held(first, each.foreign)))
+    pushed = _pushed(moving, first)
     # Nothing is named as a drive: what an inner loop is asked for moves the plant, not what is read from it.
     if asked and pushed.drives <= 0 and (asked[0].commands or pushed.reads > 0):
         pushed = asked[0]
@@ -110,6 +116,23 @@ def _without(table: RawTable, left_out: Sequence[str], path: Path) -> RawTable:
     return replace(
         table, names=tuple(table.names[k] for k in kept), columns=tuple(table.columns[k] for k in kept), units=units
     )
+
+
+def _pushed(moving: Sequence[Guessed], table: RawTable) -> Guessed:
+    """Return what most likely moves the plant: what is named so, and the known quantity of several.
+
+    A voltage beside a command is that of its supply where it does not follow it; a force or torque is what the drive
+    gives where it moves something that is recorded too, else it is read from the plant.
+    """
+    best = max(moving, key=lambda each: (each.drives, each.known, _held(table, each.foreign)))
+    sent = [each for each in moving if each.sent and each.drives > 0]
+    if best.sent or not sent or best.quantity not in ("voltage_V", "force_N", "torque_N_m"):
+        return best
+    command = max(sent, key=lambda each: (each.drives, _held(table, each.foreign)))
+    own, given = (table.columns[table.names.index(each.foreign)] for each in (best, command))
+    follows = float(np.corrcoef(own, given)[0, 1]) > _FOLLOWS
+    moves = any(each.quantity.startswith(("speed_", "position_")) for each in moving)
+    return best if follows and (moves or best.quantity == "voltage_V") else command
 
 
 def _held(table: RawTable, foreign: str) -> float:
