@@ -132,11 +132,16 @@ def check_answer(
             f"{plant.outputs[0].name} does by itself; record the plant while its input changes, or fix gain with "
             "free = false"
         )
+    told = f"{where}gain cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g})"
+    if all(np.all(np.diff(made.course.drive[:, 0]) >= 0.0) for made in parts):
+        raise IdentifyError(
+            f"{told}: {plant.inputs[0].name} only rises, and beside what a {plant.kind} leaves of "
+            f"{plant.outputs[0].name} a drift would do as much; record it going up and down, several times, or cut the "
+            "recording to where the two go together"
+        )
     raise IdentifyError(
-        f"{where}gain cannot be told from 0 (95 % interval {interval[0]:.2g} to "
-        f"{interval[1]:.2g}): as a {plant.kind}, {plant.outputs[0].name} does not answer {plant.inputs[0].name}, or "
-        "the recording does not hold what the kind needs; check the wiring, excite the plant more, or choose another "
-        "kind"
+        f"{told}: as a {plant.kind}, {plant.outputs[0].name} does not answer {plant.inputs[0].name}, or the recording "
+        "does not hold what the kind needs; check the wiring, excite the plant more, or choose another kind"
     )
 
 

@@ -115,3 +115,12 @@ def test_an_input_that_stands_still_is_named(tmp_path: Path, capsys: pytest.Capt
     said = capsys.readouterr().err
     assert "r.csv: voltage_V is 2 in every row, so that gain cannot be told" in said
     assert "wiring" not in said and "another kind" not in said
+
+
+def test_a_ramp_that_tells_no_gain_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A motor that gives up at the top of its one ramp answers: the wiring is not at fault."""
+    ramp = np.linspace(0.0, 10.0, ROWS)
+    thrust = np.where(ramp < 8.0, ramp, 8.0 - 4.0 * (ramp - 8.0)) + np.random.default_rng(0).normal(0.0, 0.01, ROWS)
+    assert identified(tmp_path, "static", "gain = { value = 1.0, free = true }", ramp, thrust) == 2
+    said = capsys.readouterr().err
+    assert "voltage_V only rises" in said and "record it going up and down" in said and "wiring" not in said
