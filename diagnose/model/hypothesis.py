@@ -22,6 +22,8 @@ from firmloop.diagnose.policy import (
     SLOW_NOISE,
 )
 from firmloop.identify.fitting.own_values import usual_start
+from firmloop.identify.fitting.problem import LEASH
+from firmloop.identify.fitting.starting_points import scale_and_level
 from firmloop.identify.plants.attach import (
     EffectUse,
     all_uses,
@@ -263,6 +265,8 @@ def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str,
             value = at.get(parameter.name, parameter.value)
             positive = parameter.low >= 0.0 and value > 0.0 and not _may_vanish(parameter.name)
             size = abs(parameter.value) or abs(value) or 1.0
+            if parameter.name in scale_and_level(problem.plant) and abs(value) > LEASH * size:
+                size = abs(value)  # so far off, what was given is no knowledge that would hold a fit
             found.append(Unknown(parameter.name, positive, parameter.low, parameter.high, size, step))
     for term in terms:
         for key, each in zip(term.keys, term.parameters, strict=True):

@@ -35,7 +35,7 @@ def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Exper
     names = [parameter.name for parameter in plant.parameters]
     if not np.any(np.isnan(given)):
         return _around(plant, given)
-    if {name for name, value in zip(names, given, strict=True) if math.isnan(value)} <= set(_linear(plant)):
+    if {name for name, value in zip(names, given, strict=True) if math.isnan(value)} <= set(scale_and_level(plant)):
         return _scored(plant, simulator, experiments, _around(plant, given))
     step = min(made.course.step for made in experiments)
     span = max(float(made.course.time[-1] - made.course.time[0]) for made in experiments)
@@ -52,7 +52,7 @@ def without_far_values(problem: FitProblem, steps: Sequence[float]) -> FitProble
     """
     plant, simulator, experiments = problem.plant, problem.engine, shortened(problem, steps).experiments
     given = np.array([parameter.value for parameter in plant.parameters])
-    linear = [k for k, p in enumerate(plant.parameters) if p.name in _linear(plant) and p.free and p.value]
+    linear = [k for k, p in enumerate(plant.parameters) if p.name in scale_and_level(plant) and p.free and p.value]
     if not linear or np.all(np.isnan(given[linear])):
         return problem
     bare = plant.valued({plant.parameters[k].name: math.nan for k in linear})
@@ -63,7 +63,7 @@ def without_far_values(problem: FitProblem, steps: Sequence[float]) -> FitProble
     return problem
 
 
-def _linear(plant: Plant) -> tuple[str, ...]:
+def scale_and_level(plant: Plant) -> tuple[str, ...]:
     """Return the names of the scale and the level of the plant's kind, as far as it has them."""
     kind = kinds().get(plant.kind)
     return () if kind is None else tuple(filter(None, (kind.scale, kind.level)))

@@ -1,0 +1,44 @@
+"""A gain of 1 against counts or tenths of a degree is an ordinary start: it hides nothing and explains nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.diagnose.cases import diagnosis
+
+PROJECT = """schema = 1
+name = "oven"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "first_order"
+input = "voltage_V"
+outputs = ["temperature_C"]
+[plant.parameters]
+gain = { value = 1.0, free = true }
+time_constant_s = { value = 0.55, free = true }
+delay_s = { value = 0.0, free = false }
+"""
+
+
+def test_a_gain_that_is_far_from_its_start_is_found_and_told(tmp_path: Path) -> None:
+    """A sensor's gain had been 48 times too large, and the rest unknown."""
+    rng, rows, step, gain = np.random.default_rng(0), 1500, 0.01, 2000.0
+    drive = np.repeat(rng.uniform(-3.0, 4.0, rows // 75 + 1), 75)[:rows]
+    drive[:5] = 0.0
+    warm, read = 0.0, np.empty(rows)
+    for k in range(rows):
+        read[k] = warm
+        warm += (1.0 - np.exp(-step / 0.5)) * (gain * drive[k] - warm)
+    table = np.column_stack([step * np.arange(rows), drive, read + rng.normal(0.0, 0.01 * gain, rows)])
+    head = "time_s,voltage_V,temperature_C"
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=head, comments="")
+    (tmp_path / "project.toml").write_text(PROJECT, encoding="utf-8")
+    _, said = diagnosis(tmp_path / "project.toml", tmp_path / "out")
+    assert said["verdict"] == "no_mismatch" and not said["effects"], said["says"]
+    assert said["shifts"]["gain"]["refit"] == pytest.approx(gain, rel=1e-2)
+    assert said["fit"]["train"]["refit"] < 1.1
+    assert any("gain = 2e+03, 2e+03 times what the project gives" in each for each in said["says"]), said["says"]
