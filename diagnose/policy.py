@@ -344,3 +344,5 @@ COMMAND_CORRELATION = 0.5  # correlation of neighbours up to which it is not
 OTHER_GAINS = 2  # more gains than that are not faults of the firmware, but of another one
 TIED_FAULT = 0.5  # probability of a fault that another explains as well
 SURE_FAULT = 0.99  # probability of a fault that nothing else explains
+
+MOST_TIMES = 1000.0  # its value, to which a refit moves a parameter: further says no more by its figure

@@ -14,6 +14,7 @@ from firmloop.diagnose.policy import (
     CHANCE_DRAWS,
     FAILED_RMS,
     HELD_SHARE,
+    MOST_TIMES,
     MOTION_MISSED,
     RIVALS_DRIVE,
     STILL_MISSING,
@@ -67,9 +68,10 @@ def paragraph(
     if finding.effects:
         moved = [shift for shift in finding.shifts if shift.after > 0.0 and _moved(shift) > 0.05]
         for shift in sorted(moved, key=lambda one: -_moved(one))[:2]:
+            unit = f" {shift.unit}" if shift.unit else ""
             said.append(
-                f"A refit without it would put {shift.name} at {shift.refit / shift.after:.2f} times its value "
-                f"({shift.refit:.4g} instead of {shift.after:.4g} {shift.unit})."
+                f"A refit without it would put {shift.name} at {_times(shift.refit / shift.after)} times its value "
+                f"({shift.refit:.4g} instead of {shift.after:.4g}{unit})."
             )
     for name in dict.fromkeys(one.parameter.name for one in finding.per_recording):
         own = [one for one in finding.per_recording if one.parameter.name == name]
@@ -92,6 +94,13 @@ def paragraph(
     if finding.untestable:
         said.append(f"Cannot be tested with these recordings: {', '.join(sorted(finding.untestable))}.")
     return tuple(said)
+
+
+def _times(factor: float) -> str:
+    """Write a factor down with three digits, as long as they mean something."""
+    if abs(factor) > MOST_TIMES:
+        return f"more than {MOST_TIMES:g}" if factor > 0.0 else f"less than -{MOST_TIMES:g}"
+    return f"{factor:#.3g}".rstrip(".")
 
 
 def _placed(plant: Plant, each: Named) -> str:

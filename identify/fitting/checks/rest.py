@@ -127,8 +127,9 @@ def _fitted(evidence: Evidence, k: int, level: float, means: _Means) -> str:
             f"{output.name} rests at {value}{unit} and {before.plant.kind} at 0: write {OUTPUT} = {{ value = {value}, "
             "free = true } in [plant.parameters] (and input_at_rest, if the input does not rest at 0)"
         )
+    reads = f"{abs(found.value):.4g}{unit} {'more' if found.value > 0.0 else 'less'}"
     return (
-        f"{output.name} reads {value}{unit} more than the plant gives, all the time: an offset of the sensor, or a "
+        f"{output.name} reads {reads} than the plant gives, all the time: an offset of the sensor, or a "
         f'constant load or friction; for an offset write [[plant.effects]] with name = "sensor_offset", output = '
         f'"{output.name}" and {name.rpartition(".")[2]} = {{ value = {value}, free = true }}'
     )

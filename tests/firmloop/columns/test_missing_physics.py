@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.host.identify_faults import heater, noise
+from firmloop.cli import main
 from tests.firmloop.columns.test_identify_says import identified, seeded, written
 
 
@@ -49,3 +50,23 @@ def test_white_noise_that_was_smoothed_is_not_taken_for_what_is_missing(tmp_path
     says, _ = identified(folder, capsys)
     assert any("known to no better" in each and "drive it further" in each for each in says), says
     assert not any("moves slowly" in each for each in says)
+
+
+def test_a_sensor_that_reads_too_little_is_said_to_read_less(tmp_path, capsys):
+    """A tank empties through a hole in its floor; its sensor shows 30 mm less than there is."""
+    time, level = np.arange(0.0, 300.0, 0.5), [0.26]
+    for _ in time[1:]:
+        level.append(level[-1] - 0.5 * 0.0029 * np.sqrt(max(level[-1], 0.0)))
+    shown = np.array(level) - 0.03 + noise(seeded(7), len(time), 2e-4)
+    (tmp_path / "p.toml").write_text(
+        'schema = 1\nname = "tank"\n[recordings]\ntrain = ["r.csv"]\n'
+        '[plant]\nkind = "ode"\nstates = ["level_m"]\ninputs = ["open"]\n'
+        '[plant.outputs]\nlevel_m = "level_m"\n'
+        '[plant.derivatives]\nlevel_m = "-c*open*sqrt(max(level_m, 0))"\n'
+        "[plant.parameters]\nc = { value = 0.002, free = true }\n"
+    )
+    rows = [f"{t:g},1,{y:.6f}" for t, y in zip(time, shown, strict=True)]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,open,level_m", *rows, ""]))
+    assert main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "fit")]) == 0
+    said = capsys.readouterr().out
+    assert "level_m reads 0.0" in said and " m less than the plant gives" in said
