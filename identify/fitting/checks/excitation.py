@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.hardly_told import MISSING, POOR, hardly_known, told_together
+from firmloop.identify.plants.plant import Parameter, Plant
 
 Array = NDArray[np.float64]
 
@@ -28,8 +31,10 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             f"{name} is {drives[0][0]:g} in every row, so that a gain cannot be told from a level of rest: record the "
             "plant while its input changes, or fix one of the two with free = false",
         )
-    lines = max(frequencies(drive) for drive in drives)
     free = sum(parameter.free for parameter in plant.parameters)
+    if not plant.remembers and not still:
+        return _levels(plant, free, drives) or _poorly(evidence)
+    lines = max(frequencies(drive) for drive in drives)
     needed = -(-free // (2 * len(plant.outputs)))
     if lines < needed and not still:  # what moves by itself, as a decay does, is judged by its intervals
         return (
@@ -37,6 +42,23 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             f"{len(plant.outputs)} output{'s' if len(plant.outputs) > 1 else ''} need {needed}: record steps or a "
             "sweep (firmloop excite makes one), or fix parameters with free = false",
         )
+    return _poorly(evidence)
+
+
+def _levels(plant: Plant, free: int, drives: Sequence[Array]) -> tuple[str, ...]:
+    """Count levels of the input: a curve without memory has no frequencies, and a value at each level."""
+    levels, needed = len(np.unique(np.concatenate(drives))), -(-free // len(plant.outputs))
+    if levels >= needed:
+        return ()
+    return (
+        f"{plant.inputs[0].name} holds {levels} level{'s' if levels > 1 else ''}, and {free} free parameters of "
+        f"{len(plant.outputs)} output{'s' if len(plant.outputs) > 1 else ''} need {needed}: record more levels, or fix "
+        "parameters with free = false",
+    )
+
+
+def _poorly(evidence: Evidence) -> tuple[str, ...]:
+    """Name what is hardly known after a fit."""
     poor = _hardly_known(evidence)
     if poor and evidence.fit is not None:
         too_little = (
@@ -64,8 +86,17 @@ def _hardly_known(evidence: Evidence) -> list[str]:
     return [
         each.name
         for each in free
-        if each.name not in together and (each.logarithmic or each.name == "gain") and hardly_known(each)
+        if each.name not in together
+        and (each.logarithmic or each.name == "gain")
+        and hardly_known(each)
+        and not _no_more_than_zero(each)
     ]
+
+
+def _no_more_than_zero(parameter: Parameter) -> bool:
+    """Tell whether the fit says already that a parameter cannot be told from 0."""
+    interval = parameter.interval_95
+    return interval is not None and interval[0] <= 0.0 <= interval[1]
 
 
 CHECK = Check("excitation", look, (), False)

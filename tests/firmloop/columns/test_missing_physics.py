@@ -70,3 +70,21 @@ def test_a_sensor_that_reads_too_little_is_said_to_read_less(tmp_path, capsys):
     assert main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "fit")]) == 0
     said = capsys.readouterr().out
     assert "level_m reads 0.0" in said and " m less than the plant gives" in said
+
+
+def test_what_cannot_be_told_from_zero_is_said_once(tmp_path, capsys):
+    """A pendulum as a stage without gravity: its inertia may be anything from zero on."""
+    step, fine, angle, speed, shown = 0.01, 20, 0.0, 0.0, []
+    torque = 1.5 * np.sin(2.6 * np.arange(320) * step) * np.repeat([1.0, -1.0, 1.0, 0.5], 80)
+    for push in torque:
+        shown.append(angle)
+        for _ in range(fine):
+            speed += step / fine * (push - 4.1 * np.sin(angle) - 0.03 * speed) / 0.2
+            angle += step / fine * speed
+    parameters = {"J_kg_m2": {"value": 0.1, "free": True}, "b_N_m_s_rad": {"value": 0.1, "free": True}}
+    table = {"kind": "rotary_stage", "input": "torque_N_m", "outputs": ["position_rad"], "parameters": parameters}
+    position = np.array(shown) + noise(seeded(2), len(shown), 1e-3)
+    made = (table, np.arange(len(torque)) * step, {"torque_N_m": torque, "position_rad": position})
+    says, _ = identified(written(tmp_path / "log", made), capsys)
+    told = [each for each in says if each.startswith("J_kg_m2")]
+    assert len(told) == 1 and "cannot be told from 0" in told[0], says

@@ -219,3 +219,21 @@ def test_a_value_far_below_its_interval_is_printed_as_it_was_fitted(tmp_path, ca
     (tmp_path / "p.toml").write_text(given + 'outputs = ["force_N"]\n', encoding="utf-8")
     assert main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "fit")]) == 0
     assert "offset  1e-05" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("commands", "says"), [((-200.0, 200.0), True), ((-200.0, -90.0, 10.0, 60.0, 150.0), False)])
+def test_a_curve_without_memory_is_told_by_levels_and_not_by_frequencies(tmp_path, capsys, commands, says):
+    command = np.repeat(commands, 200)
+    speed = 0.3 * np.clip(np.sign(command) * np.maximum(np.abs(command) - 40.0, 0.0), -130.0, 130.0)
+    held = np.concatenate([speed[:1], speed[:-1]]) + np.random.default_rng(5).normal(0.0, 0.5, len(speed))
+    rows = [f"{0.1 * k:.1f},{u:g},{y:.5f}" for k, (u, y) in enumerate(zip(command, held, strict=True))]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,command,speed_rad_s", *rows, ""]), encoding="utf-8")
+    given = 'schema = 1\nname = "a"\n[recordings]\ntrain = ["r.csv"]\n[plant]\nkind = "static"\ninput = "command"\n'
+    more = (
+        'outputs = ["speed_rad_s"]\n[[plant.effects]]\nname = "dead_zone"\nhalf_width = { value = 30, free = true }\n'
+    )
+    (tmp_path / "p.toml").write_text(given + more, encoding="utf-8")
+    assert main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "fit")]) == 0
+    said = capsys.readouterr().out
+    assert "frequenc" not in said
+    assert ("command holds 2 levels, and 3 free parameters of 1 output need 3: record more levels" in said) == says
