@@ -53,6 +53,8 @@ def uncertainty(
     independent samples, they are widened until 1.96 deviations hold 95 % again, see
     `identify/fitting/effective_samples.py`.
     """
+    if not all(np.all(np.isfinite(block)) for block in slopes):
+        return untold(windows, residuals, slopes, natural)  # beside what diverges nothing is known
     parameters = len(natural)
     tall = [block.reshape(-1, block.shape[2]) for block in slopes]
     own = [_span(block[:, parameters:]) for block in tall]

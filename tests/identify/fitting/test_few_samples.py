@@ -48,3 +48,11 @@ def test_intervals_follow_noise_that_is_louder_where_the_slope_is(pole: float) -
         estimates.append(found)
         said.append(float(np.sqrt(sure.covariance[0, 0])))
     assert np.mean(said) == pytest.approx(np.std(estimates), rel=0.25)
+
+
+def test_slopes_that_diverge_tell_nothing() -> None:
+    """A refit of a stand's whole export had ended in an internal error of a decomposition."""
+    slopes = np.ones((50, 1, 2))
+    slopes[20:, 0, 1] = np.inf
+    found = uncertainty([1], [np.ones((50, 1))], [slopes], np.ones(2))
+    assert np.all(np.isnan(found.covariance)) and found.covariance.shape == (2, 2)
