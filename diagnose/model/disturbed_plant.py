@@ -194,7 +194,7 @@ def _by(
         rows += len(innovations)
     count = rows * len(noise)
     price = (len(walks) + 1) * np.log(rows)
-    return Followed(trackers, size + count * float(np.log(power / count)) + float(price))
+    return Followed(trackers, size + count * float(np.log(max(power / count, 1e-300))) + float(price))
 
 
 def _steady(each: Tracker) -> bool:
