@@ -114,7 +114,7 @@ def tracker(
     return Tracker(step, push, reading, kalman, back, innovation)
 
 
-class Followed(NamedTuple):
+class Disturbed(NamedTuple):
     """A tracker of each recording, none where there is none, and -2 log likelihood of what it followed by its price.
 
     By BIC, the size of the sensors' white noise free, and but for a constant.
@@ -130,7 +130,7 @@ def followed(
     recordings: Sequence[Recording],
     residuals: Sequence[Array],
     noise: Sequence[float],
-) -> Followed:
+) -> Disturbed:
     """Follow residuals (n, r) by disturbances of these balances, that move as quickly as makes them likeliest.
 
     `noise` (r,) is the rms of each sensor's own.
@@ -179,13 +179,13 @@ def _by(
     residuals: Sequence[Array],
     noise: Sequence[float],
     walks: Sequence[float],
-) -> Followed:
+) -> Disturbed:
     """Follow residuals by disturbances that move so quickly; infinitely unlikely where no tracker is steady."""
     steps = [course_of(plant, each).step for each in recordings]
     made = {step: tracker(plant, balances, step, noise, walks) for step in dict.fromkeys(steps)}
     trackers = [each for each in map(made.__getitem__, steps) if each is not None and _steady(each)]
     if len(trackers) < len(recordings):
-        return Followed([], np.inf)
+        return Disturbed([], np.inf)
     size, power, rows = 0.0, 0.0, 0
     for each, left in zip(trackers, residuals, strict=True):
         innovations = each.begin(left[: _told(recordings)])[1]
@@ -194,7 +194,7 @@ def _by(
         rows += len(innovations)
     count = rows * len(noise)
     price = (len(walks) + 1) * np.log(rows)
-    return Followed(trackers, size + count * float(np.log(max(power / count, 1e-300))) + float(price))
+    return Disturbed(trackers, size + count * float(np.log(max(power / count, 1e-300))) + float(price))
 
 
 def _steady(each: Tracker) -> bool:

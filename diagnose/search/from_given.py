@@ -44,14 +44,15 @@ def from_given(problem: Problem, candidate: Candidate, table: Sequence[Screened]
     never comes to leaves no trace there, and is tried as well.
     """
     sizes, found = flat(candidate.noises), candidate.fitted
-    told, folded = set[str](), set[str]()
+    told, folded, left = set[str](), set[str](), False
     if found.terms:
         away = runaways(problem, found, LOST_PARAMETER)
         lost, begin = bool(away), Point({**found.point.values, **away}, found.point.starts)
     else:
         folded = {term.label for term in problem.terms if _folded(problem, term)}
         told = folded | {one.term.label for one in table if one.term.effect.touches and one.left == 0.0}
-        lost = bool(folded) or (colored(candidate.noises) and _ran_away(problem, candidate))
+        ran, left = _ran_away(problem, candidate) if colored(candidate.noises) else (False, False)
+        lost = bool(folded) or ran
         begin = first_point(problem, problem.train)
     if not lost and not told:
         return ()
@@ -61,7 +62,7 @@ def from_given(problem: Problem, candidate: Candidate, table: Sequence[Screened]
     (screened,) = screen(problem, problem.train, given, others, under, best_orders(problem, given, under))
     picked = [one for k, one in enumerate(screened) if (lost and k < TRIED_FROM_GIVEN) or one.term.label in told]
     begun = [extended(given, one.term, one.start) for one in picked]
-    if lost and not found.terms:
+    if left:
         begun += [(near.terms, near.point) for near in _nearest(problem, given, screened)]
     tried = [fit(problem, problem.train, *each, sizes, STEPS_FROM_GIVEN) for each in begun]
     return (*tried, *(from_unfolded(problem, term) for term in others if term.label in folded))
@@ -70,7 +71,8 @@ def from_given(problem: Problem, candidate: Candidate, table: Sequence[Screened]
 def _nearest(problem: Problem, given: Fitted, table: Sequence[Screened]) -> list[Fitted]:
     """Return the terms of a table that come nearest in a few steps, each from the best of its starts.
 
-    What a stiff spring holds goes far without it: its trace beside the plant as given foretells next to nothing.
+    What a stiff spring holds goes far without it: its trace beside the plant as given foretells next to nothing, and a
+    refit that has left the motion altogether tells as little.
     """
     until = problem.engine.steps + ROUND_PATIENCE
     found: dict[str, Fitted] = {}
@@ -124,10 +126,11 @@ def _folded(problem: Problem, term: LibraryTerm) -> bool:
     return True
 
 
-def _ran_away(problem: Problem, nominal: Candidate) -> bool:
+def _ran_away(problem: Problem, nominal: Candidate) -> tuple[bool, bool]:
     """Tell whether a refit has moved a parameter far from where it was given, which is firm here or was there.
 
-    Where a refit leaves a motion altogether, as of a shaft too heavy to turn, nothing tells its parameters any more.
+    And whether it was firm there alone: where a refit leaves a motion altogether, as of a shaft too heavy to turn,
+    nothing tells its parameters any more.
     """
     found, begin = nominal.fitted, first_point(problem, problem.train)
     moves = [
@@ -135,9 +138,10 @@ def _ran_away(problem: Problem, nominal: Candidate) -> bool:
     ]
     moved = [k for k, each in enumerate(found.coordinates) if each.logarithmic and abs(moves[k]) > MOVED_FAR]
     if not moved:
-        return False
+        return False, False
     there = fit(problem, problem.train, (), begin, flat(nominal.noises), 0)
-    return any(each.normal[k, k] * FIRM_TO_RUN_AWAY**2 > 1.0 for each in (found, there) for k in moved)
+    firm = [any(each.normal[k, k] * FIRM_TO_RUN_AWAY**2 > 1.0 for k in moved) for each in (found, there)]
+    return any(firm), firm[1] and not firm[0]
 
 
 def runaways(problem: Problem, fitted: Fitted, factor: float = RUN_AWAY) -> dict[str, float]:

@@ -90,14 +90,11 @@ def estimate(parameter: Parameter) -> tuple[str, str, str]:
 
 
 def rounded_to(value: float, half: float) -> str:
-    """Write a value down to the second digit of the half width of its interval; a far smaller one with two of its own.
-
-    A zero in its place would be another value than was found.
-    """
+    """Write a value down to the second digit of the half width of its interval."""
     if value == 0 or not math.isfinite(value):
         return figure(value, "g")
     if abs(value) < 0.5 * 10.0 ** (math.floor(math.log10(half)) - 1):
-        return f"{value:.2g}"
+        return "0"
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
     return f"{value:#.{min(max(digits, 1), 12)}g}".rstrip(".").replace(".e", "e")
 
