@@ -217,6 +217,7 @@ QUICK_WALK = 0.3  # of the noise, that a step of a disturbance does to an output
 WALKS = tuple(float(walk) for walk in np.geomspace(1.0, 1e-4, 7))  # the same, as may be likeliest
 COLORED_SENSOR = 10.0  # times a sensor's white noise; 28 fresh nulls leave at most 6.8 times that
 MOST_DIGITS = 9  # of a value that is printed beside its interval
+MOST_TIMES = 1000.0  # its value, to which a refit moves a parameter: further says no more by its figure
 HELD_INPUT = 0.5  # share of rows in which an input stands still, above which no controller makes it
 RIVALS_DRIVE = 0.5  # of the drive's rms, from which a disturbance is no noise
 MOTION_MISSED = 0.05  # of what an output moves: noise of a sensor is rarely more
@@ -344,5 +345,3 @@ COMMAND_CORRELATION = 0.5  # correlation of neighbours up to which it is not
 OTHER_GAINS = 2  # more gains than that are not faults of the firmware, but of another one
 TIED_FAULT = 0.5  # probability of a fault that another explains as well
 SURE_FAULT = 0.99  # probability of a fault that nothing else explains
-
-MOST_TIMES = 1000.0  # its value, to which a refit moves a parameter: further says no more by its figure

@@ -168,7 +168,7 @@ def _measured(
         ),
         missed,
         own,
-        sensors_remember(problem, values, residuals),
+        finding.verdict != "unknown_physics" and sensors_remember(problem, values, residuals),
     )
 
 

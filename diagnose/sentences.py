@@ -122,9 +122,9 @@ def measured_too(
 
     `missed` is what simulations miss, as a share of what the output moves that they follow worst; `own` what
     would differ from run to run, and the share of the rms that it leaves; `sensors` where all that is left is likelier
-    noise of sensors than a disturbance.
+    noise of sensors than a disturbance, and no physics without a name.
     """
-    if sensors and finding.verdict != "unknown_physics":
+    if sensors:
         rest = _about_sensors(finding)
     else:
         rest = [*_about_rest(finding), *_about_disturbance(plant, finding, missed)]

@@ -6,7 +6,7 @@ innovations weigh it against the other way to explain what a fit leaves: sensors
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -136,12 +136,17 @@ def followed(
     `noise` (r,) is the rms of each sensor's own.
     """
     by = partial(_by, plant, balances, recordings, residuals, noise)
-    together = [[walk] * len(balances) for walk in WALKS]
-    walks = min(together, key=lambda each: by(each).unlikely)
+    best, walks = _likeliest(by, [[walk] * len(balances) for walk in WALKS])
     for index in range(len(balances) if len(balances) > 1 else 0):
-        alone = [[*walks[:index], walk, *walks[index + 1 :]] for walk in WALKS]
-        walks = min(alone, key=lambda each: by(each).unlikely)
-    return by(walks)
+        best, walks = _likeliest(by, [[*walks[:index], walk, *walks[index + 1 :]] for walk in WALKS])
+    return best
+
+
+def _likeliest(
+    by: Callable[[Sequence[float]], Disturbed], every: Sequence[list[float]]
+) -> tuple[Disturbed, list[float]]:
+    """Return what follows by the likeliest of some walks, and those walks."""
+    return min(((by(walks), walks) for walks in every), key=lambda pair: pair[0].unlikely)
 
 
 def groups(plant: Plant) -> list[list[Balance]]:

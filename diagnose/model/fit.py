@@ -23,6 +23,7 @@ from firmloop.diagnose.policy import (
     UNSEEN,
 )
 from firmloop.identify.fitting.noise import ORDERS, Noise, bounded, fit_noise
+from firmloop.identify.fitting.problem import LEASH
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -202,7 +203,7 @@ def tethers(problem: Problem, unknowns: Sequence[Unknown]) -> Array:
     for each in unknowns:
         if each.name in given and np.isfinite(given[each.name]):
             row = np.zeros(len(unknowns) + 1)
-            row[places[each.name]] = 1.0 / (GIVEN_DEVIATION if each.logarithmic else 10.0)
+            row[places[each.name]] = 1.0 / (GIVEN_DEVIATION if each.logarithmic else LEASH)
             row[-1] = row[places[each.name]] * each.inner(given[each.name])
             rows.append(row)
     ke, kt = given.get("ke_V_s_rad", 0.0), given.get("kt_N_m_A", 0.0)

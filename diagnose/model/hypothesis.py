@@ -265,7 +265,7 @@ def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str,
             value = at.get(parameter.name, parameter.value)
             positive = parameter.low >= 0.0 and value > 0.0 and not _may_vanish(parameter.name)
             size = abs(parameter.value) or abs(value) or 1.0
-            if parameter.name in scale_and_level(problem.plant) and abs(value) > LEASH * size:
+            if abs(value) > LEASH * size and parameter.name in scale_and_level(problem.plant):
                 size = abs(value)  # so far off, what was given is no knowledge that would hold a fit
             found.append(Unknown(parameter.name, positive, parameter.low, parameter.high, size, step))
     for term in terms:

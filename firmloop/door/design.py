@@ -9,7 +9,7 @@ from pathlib import Path
 from firmloop.design.analysis.contest import Entry
 from firmloop.design.design import Design
 from firmloop.design.law import Law
-from firmloop.door.given import check_noun, path_given
+from firmloop.door.given import check_noun, folder_given
 from firmloop.door.identify import Identified
 from firmloop.identify.plants.plant import Plant
 from firmloop.output import save
@@ -66,12 +66,12 @@ class Designed:
         tuning = {"tuning": contest_document(self.tuned)} if self.tuned else {}
         return {
             "design.json": result_json({**design_document(self.design, self.loop), **tuning}),
-            "project.toml": designed_text(self.project, self.design, path_given("folder:", folder, "out")),
+            "project.toml": designed_text(self.project, self.design, folder_given(folder)),
         }
 
     def save(self, folder: str | Path) -> None:
         """Write design.json and project.toml with the gains into `folder`."""
-        save(self.files(folder), path_given("folder:", folder, "out"))
+        save(self.files(folder), folder_given(folder))
 
     def _repr_html_(self) -> str:
         return notebook([*controller_section(self.design, self.loop, None), *tuning_section(self.tuned)])

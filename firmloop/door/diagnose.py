@@ -10,7 +10,7 @@ from pathlib import Path
 from firmloop.diagnose.controller.replay import Cut
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.run import Diagnosis
-from firmloop.door.given import check_noun, path_given
+from firmloop.door.given import check_noun, folder_given
 from firmloop.door.identify import Identified
 from firmloop.identify.plants.plant import Plant
 from firmloop.output import save
@@ -55,13 +55,13 @@ class Diagnosed:
         made, command = self.diagnosis, command_of("diagnose", self.project.path)
         return {
             "diagnosis.json": json.dumps(self.finding.as_dict(), indent=1, allow_nan=False) + "\n",
-            "project.toml": diagnosed_text(self.project, made.plant, made.hold, path_given("folder:", folder, "out")),
+            "project.toml": diagnosed_text(self.project, made.plant, made.hold, folder_given(folder)),
             "report.html": diagnosis_report(self.project.name, command, self.data, made, self.replayed),
         }
 
     def save(self, folder: str | Path) -> None:
         """Write diagnosis.json, the improved project.toml and report.html into `folder`."""
-        save(self.files(folder), path_given("folder:", folder, "out"))
+        save(self.files(folder), folder_given(folder))
 
     def _repr_html_(self) -> str:
         return notebook(diagnosis_sections(self.diagnosis, self.replayed))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from firmloop.codegen.emit import tool_version
 from firmloop.door.diagnose import Diagnosed, diagnose
-from firmloop.door.given import check_noun, path_given
+from firmloop.door.given import check_noun, folder_given, path_given
 from firmloop.door.identify import Identified, identify
 from firmloop.door.load import load
 from firmloop.identify.error import IdentifyError
@@ -105,7 +105,7 @@ def diagnose_fleet(
     require(project, "plant")
     plant_of(project)
     path_given("where:", where, "machines")
-    kept = path_given("folder:", folder, "out")
+    kept = folder_given(folder)
     recordings = find_fleet(os.fspath(where), kept)
     asked = _Asked(project, kept, recordings)
     failed: dict[str, str] = {}

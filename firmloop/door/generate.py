@@ -8,7 +8,7 @@ from pathlib import Path
 
 from firmloop.design.design import Design
 from firmloop.door.design import Designed, plant_given
-from firmloop.door.given import check_noun, path_given
+from firmloop.door.given import check_noun, folder_given
 from firmloop.door.identify import Identified
 from firmloop.identify.plants.plant import Plant
 from firmloop.output import save
@@ -52,7 +52,7 @@ class Code:
 
     def save(self, folder: str | Path) -> None:
         """Write every file into `folder`."""
-        save(self.files, path_given("folder:", folder, "out"))
+        save(self.files, folder_given(folder))
 
     def _repr_html_(self) -> str:
         return notebook(code_section(self.generated))

@@ -47,6 +47,11 @@ def path_given(what: str, given: object, example: str) -> Path:
     return Path(given)
 
 
+def folder_given(given: object) -> Path:
+    """Return the folder that results are to be written into; TypeError when it is no path."""
+    return path_given("folder:", given, "out")
+
+
 def fmu_given(file: str | Path | None, wires: Mapping[str, str] | None) -> Fmu | None:
     """Return the FMU that somebody has named, if somebody has.
 

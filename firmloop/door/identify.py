@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmloop.door.given import check_noun, path_given
+from firmloop.door.given import check_noun, folder_given
 from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.plants.plant import Plant
 from firmloop.output import save
@@ -44,11 +44,11 @@ class Identified:
 
     def files(self, folder: str | Path) -> Mapping[str, str]:
         """Return the text of project.toml as it may stand in `folder`."""
-        return {"project.toml": fitted_text(self.project, self.plant, path_given("folder:", folder, "out"))}
+        return {"project.toml": fitted_text(self.project, self.plant, folder_given(folder))}
 
     def save(self, folder: str | Path) -> None:
         """Write project.toml with the fitted parameters and their 95 % intervals into `folder`."""
-        save(self.files(folder), path_given("folder:", folder, "out"))
+        save(self.files(folder), folder_given(folder))
 
     def _repr_html_(self) -> str:
         return notebook(plant_section(self.fit, self.data))

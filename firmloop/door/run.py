@@ -8,7 +8,7 @@ from pathlib import Path
 
 from firmloop.door.design import Designed, design
 from firmloop.door.generate import Code, generate_for
-from firmloop.door.given import asked_campaign, check_noun, path_given
+from firmloop.door.given import asked_campaign, check_noun, folder_given
 from firmloop.door.identify import Identified, identify
 from firmloop.door.verify import Tell, Verified, check_targets, silent, verify_for
 from firmloop.output import VERDICTS, save_over
@@ -57,7 +57,7 @@ class Run:
 
     def save(self, folder: str | Path) -> None:
         """Write all of it into `folder`, in the place of an older run."""
-        save_over(self.files(folder), path_given("folder:", folder, "out"), VERDICTS)
+        save_over(self.files(folder), folder_given(folder), VERDICTS)
 
     def _repr_html_(self) -> str:
         return notebook(walk_sections(self.walk))

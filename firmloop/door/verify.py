@@ -9,7 +9,7 @@ from pathlib import Path
 from firmloop.codegen.target import load_target
 from firmloop.door.design import Designed
 from firmloop.door.generate import Code, generate
-from firmloop.door.given import asked_campaign, check_noun, path_given
+from firmloop.door.given import asked_campaign, check_noun, folder_given
 from firmloop.door.identify import Identified
 from firmloop.identify.simulation.compiler import ToolError
 from firmloop.output import VERDICTS, save_over
@@ -70,7 +70,7 @@ class Verified:
 
     def save(self, folder: str | Path) -> None:
         """Write the C and the verdicts into `folder`, in the place of older ones."""
-        save_over(self.files(), path_given("folder:", folder, "out"), VERDICTS)
+        save_over(self.files(), folder_given(folder), VERDICTS)
 
     def _repr_html_(self) -> str:
         return notebook([verdict_cards(self.outcomes), *targets_section(self.outcomes, self.code.design)])

@@ -101,14 +101,14 @@ def delayed(made: Experiment, outputs: Array) -> Array:
     if not made.lags and not made.unseen:
         return outputs
     late, time = outputs.copy(), rows_time(made)
-    late[: made.unseen] = made.measured[: made.unseen] if outputs.ndim == made.measured.ndim else 0.0
+    known = made.measured if outputs.ndim == made.measured.ndim else np.broadcast_to(0.0, outputs.shape)
     for index, name in enumerate(made.names):
         if made.lags.get(name):
             moments = time - made.lags[name]
             late[:, index] = interpolate(time, outputs[:, index], moments)
             unknown = not_simulated(made, made.lags[name])
-            unknown[: made.unseen] = True
-            late[unknown, index] = made.measured[unknown, index] if outputs.ndim == made.measured.ndim else 0.0
+            late[unknown, index] = known[unknown, index]
+    late[: made.unseen] = known[: made.unseen]
     return late
 
 

@@ -108,7 +108,7 @@ def judge(found: Fit, train: Sequence[Recording], conditioning: Conditioning) ->
     check_span(found.plant, seen)
     for parameter in found.plant.parameters:
         if parameter.name == "gain" and parameter.free:
-            check_answer(found.plant, parameter.interval_95, seen)
+            check_answer(found.plant, parameter, seen)
 
 
 def estimate(

@@ -52,7 +52,7 @@ def hardly_told(plant: Plant, free: Sequence[int], found: Uncertainty, slow: boo
             continue
         if interval is not None and parameter.low == 0.0 == interval[0]:
             said.append(f"{parameter.name} cannot be told from 0 (95 % interval up to {interval[1]:.3g}{unit}); {cure}")
-        elif interval is not None and parameter.low < 0.0 and interval[0] <= 0.0 <= interval[1]:
+        elif interval is not None and parameter.low < 0.0 and parameter.may_be_zero:
             said.append(
                 f"{parameter.name} cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g} "
                 f"{parameter.unit}".rstrip()

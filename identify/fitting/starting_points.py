@@ -50,11 +50,12 @@ def without_far_values(problem: FitProblem, steps: Sequence[float]) -> FitProble
     They follow from the data by linear least squares, so that no start is needed, and a far one would only hold the fit
     back. Not where an effect keeps the output from being linear in them. `steps` as for `shortened`.
     """
-    plant, simulator, experiments = problem.plant, problem.engine, shortened(problem, steps).experiments
+    plant, simulator = problem.plant, problem.engine
     given = np.array([parameter.value for parameter in plant.parameters])
     linear = [k for k, p in enumerate(plant.parameters) if p.name in scale_and_level(plant) and p.free and p.value]
     if not linear or np.all(np.isnan(given[linear])):
         return problem
+    experiments = shortened(problem, steps).experiments
     bare = plant.valued({plant.parameters[k].name: math.nan for k in linear})
     for found in starting_points(bare, simulator, experiments)[:1]:
         far = [k for k in linear if abs(found[k] - given[k]) > LEASH * abs(given[k])]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.stillness import moves
 from firmloop.identify.simulation.linearize import linearize
 
@@ -117,11 +117,10 @@ def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None
     )
 
 
-def check_answer(
-    plant: Plant, interval: tuple[float, float] | None, recordings: Sequence[Sequence[Experiment]]
-) -> None:
+def check_answer(plant: Plant, gain: Parameter, recordings: Sequence[Sequence[Experiment]]) -> None:
     """Raise IdentifyError where the 95 % interval of a fitted gain holds 0: the output does not answer the input."""
-    if interval is None or not interval[0] <= 0.0 <= interval[1]:
+    interval = gain.interval_95
+    if interval is None or not gain.may_be_zero:
         return
     parts = [made for windows in recordings for made in windows]
     where = f"{', '.join(dict.fromkeys(made.source for made in parts))}: "

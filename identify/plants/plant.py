@@ -39,6 +39,12 @@ class Parameter:
         reach = NORMAL_95 * self.deviation
         return max(self.value - reach, self.low), min(self.value + reach, self.high)
 
+    @property
+    def may_be_zero(self) -> bool:
+        """Tell whether the value was estimated, and its 95 % interval holds 0."""
+        interval = self.interval_95
+        return interval is not None and interval[0] <= 0.0 <= interval[1]
+
 
 @dataclass(frozen=True, slots=True)
 class Balance:

@@ -13,6 +13,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bench.diagnose.blind_cases import Case, draw_case, single_case, write_case
 from bench.diagnose.concealed import MACHINES
 from firmloop.cli import main
@@ -88,6 +91,14 @@ def truths(folder: Path, effect: str) -> dict[str, float]:
     """Return the parameters of an effect that a case written there conceals."""
     label = json.loads((folder / "labels" / "label.json").read_text(encoding="utf-8"))
     return {name: float(value) for name, value in label["effects"][effect].items()}
+
+
+def logged(folder: Path, project: str, head: str, *columns: NDArray[np.float64]) -> Path:
+    """Write a project's text and its one recording, log.csv with columns of these names; return the project file."""
+    np.savetxt(folder / "log.csv", np.column_stack(columns), delimiter=",", header=head, comments="", fmt="%.9g")
+    file = folder / "project.toml"
+    file.write_text(project, encoding="utf-8")
+    return file
 
 
 def problem_of(project: Path) -> Problem:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.hardly_told import MISSING, POOR, hardly_known, told_together
-from firmloop.identify.plants.plant import Parameter, Plant
+from firmloop.identify.plants.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -89,14 +89,8 @@ def _hardly_known(evidence: Evidence) -> list[str]:
         if each.name not in together
         and (each.logarithmic or each.name == "gain")
         and hardly_known(each)
-        and not _no_more_than_zero(each)
+        and not each.may_be_zero  # the fit says so already
     ]
-
-
-def _no_more_than_zero(parameter: Parameter) -> bool:
-    """Tell whether the fit says already that a parameter cannot be told from 0."""
-    interval = parameter.interval_95
-    return interval is not None and interval[0] <= 0.0 <= interval[1]
 
 
 CHECK = Check("excitation", look, (), False)

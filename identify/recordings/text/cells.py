@@ -50,5 +50,5 @@ def double_quoted(lines: list[str]) -> tuple[list[str], str]:
 
 def with_e(lines: list[str]) -> tuple[list[str], str]:
     """Write exponents of Fortran, whose double precision has a D, with an E; return what to tell, blank else."""
-    out = [_FORTRAN.sub(r"\1E\2", line) for line in lines]
+    out = [_FORTRAN.sub(r"\1E\2", line) if "d" in line.lower() else line for line in lines]
     return out, "has exponents with a D, as Fortran writes them" if out != lines else ""

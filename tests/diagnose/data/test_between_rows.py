@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.diagnose.cases import diagnosis
+from tests.diagnose.cases import diagnosis, logged
 
 PROJECT = """schema = 1
 name = "ramped"
@@ -32,10 +32,9 @@ def test_an_input_that_moves_between_its_rows_is_said_and_written(tmp_path: Path
         if k % fine == 0:
             read[k // fine] = speed
         speed += step / fine * (20.0 * drive[k] - speed) / 0.1
-    table = np.column_stack([step * np.arange(rows), knots, read + rng.normal(0.0, 0.2, rows)])
-    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="time_s,voltage_V,speed_rad_s", comments="")
-    (tmp_path / "project.toml").write_text(PROJECT, encoding="utf-8")
-    _, said = diagnosis(tmp_path / "project.toml", tmp_path / "out")
+    noisy = read + rng.normal(0.0, 0.2, rows)
+    project = logged(tmp_path, PROJECT, "time_s,voltage_V,speed_rad_s", step * np.arange(rows), knots, noisy)
+    _, said = diagnosis(project, tmp_path / "out")
     written = tomllib.loads((tmp_path / "out" / "project.toml").read_text(encoding="utf-8"))
     hold = written["recordings"]["hold"]
     assert hold == "linear" and any(f'hold = "{hold}"' in each for each in said["says"]), said["says"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.diagnose.cases import diagnosis
+from tests.diagnose.cases import diagnosis, logged
 
 PROJECT = """schema = 1
 name = "oven"
@@ -33,11 +33,9 @@ def test_a_gain_that_is_far_from_its_start_is_found_and_told(tmp_path: Path) -> 
     for k in range(rows):
         read[k] = warm
         warm += (1.0 - np.exp(-step / 0.5)) * (gain * drive[k] - warm)
-    table = np.column_stack([step * np.arange(rows), drive, read + rng.normal(0.0, 0.01 * gain, rows)])
-    head = "time_s,voltage_V,temperature_C"
-    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=head, comments="")
-    (tmp_path / "project.toml").write_text(PROJECT, encoding="utf-8")
-    _, said = diagnosis(tmp_path / "project.toml", tmp_path / "out")
+    noisy = read + rng.normal(0.0, 0.01 * gain, rows)
+    project = logged(tmp_path, PROJECT, "time_s,voltage_V,temperature_C", step * np.arange(rows), drive, noisy)
+    _, said = diagnosis(project, tmp_path / "out")
     assert said["verdict"] == "no_mismatch" and not said["effects"], said["says"]
     assert said["shifts"]["gain"]["refit"] == pytest.approx(gain, rel=1e-2)
     assert said["fit"]["train"]["refit"] < 1.1

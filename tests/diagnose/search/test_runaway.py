@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from tests.diagnose.cases import diagnosis
+from tests.diagnose.cases import diagnosis, logged
 
 
 class Sprung(NamedTuple):
@@ -61,11 +61,10 @@ def test_a_spring_that_the_shaft_swings_on_is_found_by_its_speed_alone(motor: Sp
             current += step / fine * rise
             speed += step / fine * push / motor.inertia
             angle += step / fine * speed
-    table = np.column_stack([step * np.arange(rows), drive, read + 0.3 * rng.normal(size=rows)])
+    noisy = read + 0.3 * rng.normal(size=rows)
     head = "time_s,voltage_V,speed_rad_s"
-    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=head, comments="", fmt="%.6g")
-    (tmp_path / "project.toml").write_text(PROJECT.format(motor), encoding="utf-8")
-    _, said = diagnosis(tmp_path / "project.toml", tmp_path / "out")
+    project = logged(tmp_path, PROJECT.format(motor), head, step * np.arange(rows), drive, noisy)
+    _, said = diagnosis(project, tmp_path / "out")
     assert [each["name"] for each in said["effects"]] == ["return_spring"], said["says"]
     stiffness = said["effects"][0]["parameters"]["stiffness_N_m_rad"]["value"]
     assert stiffness == pytest.approx(motor.stiffness, rel=0.02)
