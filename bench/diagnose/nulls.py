@@ -90,11 +90,16 @@ PLANTS: Mapping[str, Callable[[np.random.Generator], Linear]] = {
 }  # fmt: skip
 
 
-def colored(color: str, rows: int, rng: np.random.Generator, step: float) -> Array:
-    """Return noise (n,) of rms 1: white, of a lag between one row and fifty, 1/f, or white and the mains beside it."""
+def drawn_memory(rng: np.random.Generator) -> float:
+    """Draw over how many rows noise of first order is forgotten, between one and fifty."""
+    return float(50.0 ** rng.uniform(0.0, 1.0))
+
+
+def colored(color: str, rows: int, rng: np.random.Generator, step: float, memory: float) -> Array:
+    """Return noise (n,) of rms 1: white, of a lag of `memory` rows, 1/f, or white and the mains beside it."""
     white = rng.normal(size=rows)
     if color == "first_order":
-        keep = float(np.exp(-1.0 / 50.0 ** rng.uniform(0.0, 1.0)))
+        keep = float(np.exp(-1.0 / memory))
         settled = lfilter([1.0], [1.0, -keep], rng.normal(size=rows + 500))[500:]
         return np.asarray(settled * np.sqrt(1.0 - keep**2))
     if color == "one_over_f":
@@ -137,15 +142,20 @@ def write(seed: int, folder: Path) -> None:
     rows, count = int(rng.integers(400, 1501)), int(rng.integers(1, 4))
     level, fineness = 10.0 ** rng.uniform(-2.7, -1.3), rng.uniform(0.05, 0.5)
     added: list[Array] = []
+    memory, memories = (
+        drawn_memory(rng),
+        [drawn_memory(rng) for _ in plant.outputs],
+    )  # a sensor's is the same in every recording
     for k in range(count):
         drive = plant.top * drawn_drive(rows, rng)
         push = np.zeros(rows)
         if color == "disturbance":
-            push = rng.uniform(0.005, 0.02) * plant.top * colored("first_order", rows, rng, plant.step)
+            push = rng.uniform(0.005, 0.02) * plant.top * colored("first_order", rows, rng, plant.step, memory)
         clean = moved(plant.matrices, plant.step, drive)
         shown = moved(plant.matrices, plant.step, drive + push)
         sizes = level * np.maximum(np.std(clean, axis=0), 1e-12)
-        shown = shown + np.stack([size * colored(color, rows, rng, plant.step) for size in sizes], axis=1)
+        noise = [size * colored(color, rows, rng, plant.step, m) for size, m in zip(sizes, memories, strict=True)]
+        shown = shown + np.stack(noise, axis=1)
         grid = fineness * sizes
         shown = np.round(shown / grid) * grid
         added.append(shown - clean)
@@ -153,7 +163,7 @@ def write(seed: int, folder: Path) -> None:
         recording = make_recording(np.arange(rows) * plant.step, columns, "train", "")
         write_recording(recording, folder / f"train_{k + 1}.csv")
     (folder / "project.toml").write_text(project_text(plant, count, rng), encoding="utf-8")
-    noise = np.sqrt(np.mean(np.concatenate(added) ** 2, axis=0))
+    rms = np.sqrt(np.mean(np.concatenate(added) ** 2, axis=0))
     about = {"machine": form, "color": color, "colored": color != "white", "rows": rows, "train": count, "test": 0}
-    named = dict(zip(plant.outputs, noise.tolist(), strict=True))
+    named = dict(zip(plant.outputs, rms.tolist(), strict=True))
     write_truth(Truth("nulls", seed, (), "", 0.0, plant.parameters, named, about), folder)

@@ -24,7 +24,7 @@ from bench.diagnose.linear_plants import (
     project_text,
     stage_matrices,
 )
-from bench.diagnose.nulls import colored, drawn_drive
+from bench.diagnose.nulls import colored, drawn_drive, drawn_memory
 from bench.diagnose.strangers_model import MASS, STEP, Stranger, document, run
 from bench.diagnose.visible import least_left
 from firmloop.identify.recordings.recording import make_recording, write_recording
@@ -84,8 +84,16 @@ def _gravity(r: Range, size: float, rng: np.random.Generator) -> tuple[Stranger,
 
 def _stop(r: Range, size: float, rng: np.random.Generator) -> tuple[Stranger, Mapping[str, float]]:
     place = r.travel * (1.0 - 0.6 * size)
-    hard = f'solreflimit="{-((2.0 * np.pi * 25.0) ** 2)!r} {-40.0!r}" solimplimit="0.95 0.95 0.001"'
-    return Stranger(joint=f'range="{-100.0 * r.travel!r} {place!r}" {hard}'), {"position_rad": place}
+    return Stranger(joint=f'range="{-100.0 * r.travel!r} {place!r}" {_elastic(25.0, 40.0)}'), {"position_rad": place}
+
+
+def _elastic(hertz: float, damping: float) -> str:
+    """Return the attributes of a limit at which a body rings at so many Hz, damped by so many 1/s.
+
+    MuJoCo's limits take off a share of whatever else moves the body as well: one per cent of it here, where a spring
+    takes off nothing (its documentation, "Constraint model: impedance").
+    """
+    return f'solreflimit="{-((2.0 * np.pi * hertz) ** 2)!r} {-damping!r}" solimplimit="0.01 0.01 0.001"'
 
 
 def _load(r: Range, size: float, rng: np.random.Generator) -> tuple[Stranger, Mapping[str, float]]:
@@ -105,9 +113,8 @@ def _coupling(r: Range, size: float, rng: np.random.Generator) -> tuple[Stranger
 
 def _backlash(r: Range, size: float, rng: np.random.Generator) -> tuple[Stranger, Mapping[str, float]]:
     second, gap = r.inertia * rng.uniform(0.4, 1.0), 0.2 * size
-    hard = f'solreflimit="{-((2.0 * np.pi * 80.0) ** 2)!r} {-600.0!r}" solimplimit="0.95 0.95 0.001"'
     told = {"gap_rad": gap, "load_inertia_kg_m2": second}
-    return Stranger(armature=second, tendon=_between(f'range="{-gap / 2!r} {gap / 2!r}" {hard}')), told
+    return Stranger(armature=second, tendon=_between(f'range="{-gap / 2!r} {gap / 2!r}" {_elastic(80.0, 600.0)}')), told
 
 
 def _between(attributes: str) -> str:
@@ -225,20 +232,22 @@ def write(seed: int, folder: Path) -> None:
     text = document(plant.parameters, hidden)
     clean, added = [], []
     scale = 0.005 * _sizes(plant, drives)
+    memories = [drawn_memory(rng) for _ in scale]  # a sensor's is the same in every recording
     for k, drive in enumerate(drives):
         found = run(text, drive, plant.step, hidden.constant)
         shown = np.stack([found[output] for output in plant.outputs], axis=1)
         clean.append(shown)
-        noisy = shown + np.stack([each * colored(color, ROWS, rng, plant.step) for each in scale], axis=1)
+        noise = [size * colored(color, ROWS, rng, plant.step, m) for size, m in zip(scale, memories, strict=True)]
+        noisy = shown + np.stack(noise, axis=1)
         noisy = np.round(noisy / (0.2 * scale)) * (0.2 * scale)
         added.append(noisy - shown)
         columns = {plant.input: drive, **dict(zip(plant.outputs, noisy.T, strict=True))}
         time = np.arange(ROWS) * plant.step
         write_recording(make_recording(time, columns, "train", ""), folder / f"train_{k + 1}.csv")
     (folder / "project.toml").write_text(project_text(plant, count, rng), encoding="utf-8")
-    noise = np.sqrt(np.mean(np.concatenate(added) ** 2, axis=0))
+    rms = np.sqrt(np.mean(np.concatenate(added) ** 2, axis=0))
     rigid = reach.inertia + hidden.armature
-    left = _left(plant, drives, np.concatenate(clean), noise, rigid)
+    left = _left(plant, drives, np.concatenate(clean), rms, rigid)
     output = None
     known = name and name not in OUTSIDE
     all_hidden = (Hidden(name, output, told, same_function(name, plant.outputs), left),) if known else ()
@@ -250,7 +259,7 @@ def write(seed: int, folder: Path) -> None:
         "colored": color != "white",
     }
     about = {**about, "sensors": sensors, "size": size, "train": count, "test": 0, "linear_leaves": left}
-    named = dict(zip(plant.outputs, noise.tolist(), strict=True))
+    named = dict(zip(plant.outputs, rms.tolist(), strict=True))
     nominal = {**plant.parameters, "J_kg_m2": rigid}
     write_truth(Truth("strangers", seed, all_hidden, outside, left if outside else 0.0, nominal, named, about), folder)
 
