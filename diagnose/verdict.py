@@ -130,7 +130,7 @@ def spoiled(finding: Finding) -> Finding:
 
 _HARMED = {
     "train": "begun where the readings of a train recording say, what explains it leads a simulation further off, as "
-    "where a rotor slips from one tooth to the next.",
+    "where a start that is read a hair off ends elsewhere.",
     "test": "what explains the train recordings simulates a test recording worse. Something differs between these "
     "recordings; take one more like the test recording into train.",
 }
@@ -246,7 +246,7 @@ def _named(search: Search, shown: Candidate, verdict: Verdict, candidates: Seque
     if verdict in ("no_mismatch", "unknown_physics"):
         return ()
     fits = [shown, *candidates]
-    weights = _weights(fits)
+    weights = _weights(fits, untold=True)
     found: dict[str, Named] = {}
     order = sorted(shown.fitted.terms, key=lambda term: -strength(shown.fitted, term))
     for candidate, terms in [(shown, order), *((each, list(each.fitted.terms)) for each in candidates)]:
@@ -265,9 +265,12 @@ def _certainty(search: Search, shown: Candidate) -> float:
     return _weights([shown, *standing(search)])[0]
 
 
-def _weights(candidates: Sequence[Candidate]) -> list[float]:
+def _weights(candidates: Sequence[Candidate], untold: bool = False) -> list[float]:
+    """Return the probability of each; of those that are `untold` from one another none is told to be next to nothing."""
     scores = np.array([candidate.score for candidate in candidates])
-    raw = np.exp(-0.5 * (scores - scores.min()) / SOFT_EVIDENCE)
+    behind = scores - scores.min()
+    softer = max(float(behind.max()) / TIE, 1.0) if untold else 1.0
+    raw = np.exp(-0.5 * behind / (SOFT_EVIDENCE * softer))
     return [float(each) for each in raw / raw.sum()]
 
 

@@ -64,7 +64,7 @@ def grown(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     best, told = fitted, own_evidence(problem, fitted)
     for harder in HARDER_CONTACTS:
         begin = _nudged(fitted, (1.0, harder, math.sqrt(harder)))
-        other = _over_stretches(problem, fitted.terms, begin, noises)
+        other = over_stretches(problem, fitted.terms, begin, noises)
         score = own_evidence(problem, other)
         gain = told - score
         if gain > NUDGE_GAIN:
@@ -92,7 +92,7 @@ def _nudged(fitted: Fitted, factors: Sequence[float]) -> Point:
     return Point({**values, **moved}, fitted.point.starts)
 
 
-def _over_stretches(problem: Problem, terms: Sequence[LibraryTerm], point: Point, noises: Sequence[Noise]) -> Fitted:
+def over_stretches(problem: Problem, terms: Sequence[LibraryTerm], point: Point, noises: Sequence[Noise]) -> Fitted:
     """Fit from a point to more and more rows; how contacts give way is left for later."""
     giving = [key for key, which in _contacts(terms).items() if which > 0]
     for share in CONTACT_STRETCHES:

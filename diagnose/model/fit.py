@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import SumOfSquares, descended, solved
+from firmloop.diagnose.model.descent import Place, SumOfSquares, descended, solved
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, Unknown, coordinates, full_start
 from firmloop.diagnose.model.torque_scale import near_given
 from firmloop.diagnose.policy import (
@@ -219,28 +219,44 @@ def tethers(problem: Problem, unknowns: Sequence[Unknown]) -> Array:
 
 
 def fit_starts(
-    problem: Problem, recordings: Sequence[Recording], values: Mapping[str, float], noises: Sequence[Noise]
+    problem: Problem,
+    recordings: Sequence[Recording],
+    values: Mapping[str, float],
+    noises: Sequence[Noise],
+    near: Mapping[int, Array] | None = None,
 ) -> Point:
-    """Fit the initial states alone, from rest by Gauss-Newton steps, all but the first with exact slopes."""
+    """Fit the initial states alone, from rest by Gauss-Newton steps, all but the first with exact slopes.
+
+    And from what `near` says by the id of a recording, where that ends nearer.
+    """
     starts = []
     for recording in recordings:
         squares = SumOfSquares(problem, [recording], (), noises, np.zeros((0, 1)))
-        place = squares.at(Point(values, (full_start(problem, recording),)))
-        for exact in (False, True, True, True) if problem.engine.states else ():
-            slopes = squares.slopes(place, squares.start_slopes(place.point, exact=True) if exact else None)
-            normal, pulled = squares.normal(slopes), squares.descent(slopes, place)
-            trial = squares.at(squares.moved(place.point, solved(normal, pulled, 1e-9)))
-            if exact and not trial.cost < place.cost:
-                # What rests lets a speed look like a place: together they lead away, the place alone does not.
-                alone = np.diag(pulled / np.maximum(np.diag(normal), 1e-300))
-                trial = min((squares.at(squares.moved(place.point, step)) for step in alone), key=lambda one: one.cost)
-            gain = place.cost - trial.cost
-            if gain > 0.0:
-                place = trial
-            if exact and gain < SETTLED_START * place.cost:
-                break
-        starts.append(place.point.starts[0])
+        begins = [full_start(problem, recording)]
+        if near and id(recording) in near:
+            begins.append(near[id(recording)])
+        places = [_begun(problem, squares, Point(values, (begin,))) for begin in begins]
+        starts.append(min(places, key=lambda place: place.cost).point.starts[0])
     return Point(values, tuple(starts))
+
+
+def _begun(problem: Problem, squares: SumOfSquares, point: Point) -> Place:
+    """Return where the initial state of one recording ends from a point."""
+    place = squares.at(point)
+    for exact in (False, True, True, True) if problem.engine.states else ():
+        slopes = squares.slopes(place, squares.start_slopes(place.point, exact=True) if exact else None)
+        normal, pulled = squares.normal(slopes), squares.descent(slopes, place)
+        trial = squares.at(squares.moved(place.point, solved(normal, pulled, 1e-9)))
+        if exact and not trial.cost < place.cost:
+            # What rests lets a speed look like a place: together they lead away, the place alone does not.
+            alone = np.diag(pulled / np.maximum(np.diag(normal), 1e-300))
+            trial = min((squares.at(squares.moved(place.point, step)) for step in alone), key=lambda one: one.cost)
+        gain = place.cost - trial.cost
+        if gain > 0.0:
+            place = trial
+        if exact and gain < SETTLED_START * place.cost:
+            break
+    return place
 
 
 def own_evidence(problem: Problem, fitted: Fitted) -> float:

@@ -98,8 +98,9 @@ class _Bench:
     def left_out(self, found: Search) -> LeftOut:
         """Return how far simulations are off where it was left out of the fit: of the refit, and of the best."""
         values = {**found.nominal.fitted.point.values, **{p.name: p.value for p in self.refit.parameters}}
-        best, plain = found.best.fitted, Contender((), values)
-        shown = Contender(best.terms, best.point.values) if best.terms else plain
+        best, plain = found.best.fitted, Contender((), values, {})
+        starts = {id(each): start for each, start in zip(found.problem.train, best.point.starts, strict=True)}
+        shown = Contender(best.terms, best.point.values, starts) if best.terms else plain
         return left_out(found.problem, {"refit": plain, "after": shown}, residual_sizes(best.residuals))
 
 
@@ -182,7 +183,7 @@ def _kept(found: Search, bench: _Bench) -> Kept:
     if oversized(noises_of(found.problem, fitted.residuals)):
         most = CLOSER_RMS
     if not here.safe:  # what is right may begin nowhere that readings say
-        noisy = not oversized(found.nominal.noises) and whole.ratio < most
+        noisy = not oversized(found.nominal.noises) and whole.ratio < 1.0
         right = [each for each in (here, whole) if each.foresees] or ([whole] if noisy else [])
         best = min(right, key=lambda each: each.ratio, default=None)
         return Kept(None, here.left.figures) if best is None else Kept(best.search, best.left.figures, best.safe)

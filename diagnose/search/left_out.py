@@ -28,10 +28,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """Terms with the values that a refit begins from, those of the plant among them."""
+    """Terms with the values that a refit begins from, those of the plant among them, and where recordings began.
+
+    `starts` are by the id of a recording: of motion that is told by a hair, as over the crests of a wave, the values
+    alone do not tell the course.
+    """
 
     terms: tuple[LibraryTerm, ...]
     values: Mapping[str, float]
+    starts: Mapping[int, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +83,9 @@ def left_out(problem: Problem, explanations: Mapping[str, Contender], sizes: Seq
                 fitted[id(each)] = _certain_of(part, fold.rest, each, noises, STEPS_OF_A_NEAR_FIT)
         if any(known[name] - fitted[id(each)][1] for name, each in explanations.items()):
             continue
-        lefts["before"] += _missed(problem, fold, given, noises)
+        lefts["before"] += _missed(problem, fold, Contender((), given, {}), noises)
         for name, each in explanations.items():
-            lefts[name] += _missed(problem, fold, fitted[id(each)][0], noises)
+            lefts[name] += _missed(problem, fold, replace(each, values=fitted[id(each)][0]), noises)
     found: dict[str, dict[str, float]] = {}
     for name, parts in lefts.items():
         if not parts:
@@ -118,17 +123,17 @@ def _certain_of(
     part: Problem, rest: tuple[Recording, ...], each: Contender, noises: Sequence[Noise], steps: int
 ) -> tuple[Mapping[str, float], set[str]]:
     """Return the values of an explanation fitted to the rest in some steps, and which of them that makes certain."""
-    begin = fit_starts(part, rest, each.values, noises)
+    begin = fit_starts(part, rest, each.values, noises, each.starts)
     fitted = fit(part, rest, each.terms, begin, noises, steps, CROSS_FIT_PATIENCE)
     values = fitted.point.values
     spread = deviations(fitted)
     return values, {name for name, size in spread.items() if abs(values.get(name, 0.0)) > NORMAL_95 * size}
 
 
-def _missed(problem: Problem, fold: _Fold, values: Mapping[str, float], noises: Sequence[Noise]) -> list[Array]:
+def _missed(problem: Problem, fold: _Fold, each: Contender, noises: Sequence[Noise]) -> list[Array]:
     """Return measured - simulated (n, r) of what was left out; an initial state is fitted to what is not hidden."""
     part = replace(problem, train=fold.left_out, test=(), memory={}, hidden=fold.hidden)
-    point = fit_starts(part, fold.left_out, values, noises)
+    point = fit_starts(part, fold.left_out, each.values, noises, each.starts)
     whole = replace(part, hidden={})
     lefts = [residual_of(whole, recording, point, k) for k, recording in enumerate(fold.left_out)]
-    return [left[slice(*fold.hidden.get(id(each), (0, None)))] for each, left in zip(fold.left_out, lefts, strict=True)]
+    return [left[slice(*fold.hidden.get(id(own), (0, None)))] for own, left in zip(fold.left_out, lefts, strict=True)]

@@ -23,7 +23,7 @@ from firmloop.diagnose.model.candidate import (
     relieved,
     simplest,
 )
-from firmloop.diagnose.model.continuation import past_contacts
+from firmloop.diagnose.model.continuation import over_stretches, past_contacts
 from firmloop.diagnose.model.descent import residual_of, whitened
 from firmloop.diagnose.model.fit import evidence, fit, noises_of
 from firmloop.diagnose.model.hypothesis import (
@@ -114,7 +114,7 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
     if not gains:
         return Search(problem, best, best, tuple(rounds), first, (), refit, barren)
     before = set(best.fitted.terms)
-    best, tried = _settled(problem, best, gains)
+    best, tried = _settled(problem, _displaced(problem, best, rounds[-1]), gains)
     made = Search(problem, nominal, best, (*rounds, tried), first, tuple(gains), refit, barren)
     if set(best.fitted.terms) - before and len(best.fitted.terms) < most:
         return further(made) or made  # what was mistaken for it had hidden the rest
@@ -178,10 +178,26 @@ def _settled(problem: Problem, best: Candidate, gains: Sequence[float]) -> tuple
     return merged(problem, amounting(problem, best, sum(gains)), sum(gains)), tried
 
 
+def _displaced(problem: Problem, best: Candidate, beside_it: Sequence[Candidate]) -> Candidate:
+    """Return what explains more by no more effects: one tried beside the best that leaves another nothing to do.
+
+    It had not begun from where that other, which was found first, has put the nominal parameters.
+    """
+    for each in beside_it:
+        if best.score > each.score and set(each.fitted.terms) > set(best.fitted.terms):
+            slim = pruned(problem, each)
+            new = set(slim.fitted.terms) - set(best.fitted.terms)
+            as_few = len(slim.fitted.terms) <= len(best.fitted.terms)
+            if new and as_few and best.score - slim.score > TIE and not larger(slim, best):
+                return accepted(problem, slim)
+    return best
+
+
 def _refollowed(problem: Problem, candidate: Candidate) -> Candidate:
     """Let waves follow the angle that explains most: as they did, the recorded one amended anew, or the simulated one.
 
-    Another one only where it explains clearly more.
+    Another one only where it explains clearly more. A simulated one has lost count behind the first wave that it passes
+    and the machine did not: a fit grows over the rows to it.
     """
     engine = problem.engine
     if not turning(candidate.fitted.terms):
@@ -195,7 +211,9 @@ def _refollowed(problem: Problem, candidate: Candidate) -> Candidate:
             continue
         engine.follow(recorded)
         engine.amend(off)
-        other = _unwhitened(problem, _gone_on(problem, amended, amended.noises))
+        fitted, noises = amended.fitted, amended.noises
+        led = fitted if recorded else over_stretches(problem, fitted.terms, fitted.point, noises)
+        other = _unwhitened(problem, _gone_on(problem, replace(amended, fitted=led), noises))
         if recorded:
             amended = other
         if best.score - other.score > TIE:

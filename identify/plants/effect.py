@@ -249,6 +249,11 @@ def signed(name: str, unit: str) -> EffectParameter:
     return EffectParameter(name, unit, -math.inf, math.inf, 0.0, False, None)
 
 
+def within(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether a time, the first value, is over before half of the longest recording: else little tells of it."""
+    return values[0] < 0.5 * scales.span
+
+
 def ceiling(name: str, unit: str) -> EffectParameter:
     """Return a positive parameter that is neutral where it is infinite."""
     return EffectParameter(name, unit, 0.0, math.inf, math.inf, True, None)

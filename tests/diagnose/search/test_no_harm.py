@@ -110,6 +110,29 @@ def test_a_value_on_its_bound_is_no_explanation(tmp_path: Path) -> None:
     assert not believable(replace(fitted, point=replace(inside, values=ended)))
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("input_delay", 0.01, True),
+        ("input_delay", 4.99, False),
+        ("sensor_delay", 4.99, False),
+        ("slew_rate_limit", 50.0, True),
+        ("slew_rate_limit", 2.4e-17, False),  # as a fit of a motor had ended whose spring and friction were missing
+        ("clock_skew", 0.08, False),
+    ],
+)
+def test_what_takes_the_input_away_for_the_whole_recording_is_no_explanation(
+    name: str, value: float, told: bool, tmp_path: Path
+) -> None:
+    problem = problem_of(concealed(tmp_path, "", 0.3, False))  # of five seconds
+    term = problem.term(name)
+    assert term is not None
+    begin = first_point(problem, problem.train)
+    placed = replace(begin, values={**begin.values, term.keys[0]: value})
+    fitted = fit(problem, problem.train, (term,), placed, [white(1.0)] * len(problem.plant.outputs), 0)
+    assert believable(fitted) is told
+
+
 def test_a_limit_at_which_readings_rest_is_not_on_a_bound(tmp_path: Path) -> None:
     problem = problem_of(concealed(tmp_path, "", 0.3, False))
     term = problem.term("sensor_saturation")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from firmloop.identify.plants.assembly import Assembly
-from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, size
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, size, within
 from firmloop.identify.plants.plant import Plant
 
 
@@ -44,6 +44,7 @@ EFFECT = Effect(
     switches=(0,),
     unmet="no input acts before it is given; the margins count with it",
     coordinate="change of the input",
+    believable=within,
     late=True,
     fits=fits,
     regime="quick input",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, ceiling, ended
 
@@ -17,6 +19,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     A held input jumps between its rows, so that a rate above its slope from row to row shows, too.
     """
     return tuple((share * scales.slew,) for share in (0.1, 0.02, 0.25, 0.5, 1.5, 0.008))
+
+
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether the actuator gets to its largest command while it is watched: else it answers nothing."""
+    return values[0] * scales.span > scales.input
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
@@ -42,5 +49,6 @@ EFFECT = Effect(
     unmet="what the actuator does not give cannot be asked for; set rate_limit_per_s to its slope",
     coordinate="slope of the input",
     screened=False,
+    believable=believable,
     regime="quick input",
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from firmloop.identify.plants.assembly import Assembly
-from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, size
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, size, within
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -36,5 +36,6 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    believable=within,
     late=True,
 )

@@ -7,8 +7,8 @@ from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Sit
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
-    """Name the constants."""
-    return (EffectParameter("ratio", "", -0.1, 0.1, 0.0, False, None),)
+    """Name the constants; an RC oscillator without a crystal is off by some per cent, and no clock by more."""
+    return (EffectParameter("ratio", "", -0.03, 0.03, 0.0, False, None),)
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
