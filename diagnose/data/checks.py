@@ -59,15 +59,15 @@ def preflight(plant: Plant, train: Sequence[Recording], test: Sequence[Recording
         )
     notes += _constants_apart(plant)
     check_rows(plant, train, test)
-    for recording in (*train, *test):
-        notes += [*_held(plant, recording), *_clock(recording)]
+    every = (*train, *test)
+    for recording in every:
+        notes += [*_held(plant, recording, every), *_clock(recording)]
         notes += _kinematics(recording)
     if all(by_itself(plant, each) and not moves(measured(plant, each)) for each in train):
         raise IdentifyError(
             f"{train[0].source}: column {plant.inputs[0].name} never changes, and nothing moves but for noise; physics "
             "shows in motion, so record steps or a sweep in both directions, or a decay from where the machine was held"
         )
-    every = (*train, *test)
     models = [_nominal(plant, recording) for recording in every]
     folded = _folded(plant, every, models)
     for recording, model in zip(every, models, strict=True):
@@ -121,11 +121,17 @@ def _constants_apart(plant: Plant) -> list[str]:
     ]
 
 
-def _held(plant: Plant, recording: Recording) -> list[str]:
-    """Tell inputs that never change: fine for a decay or a constant speed, and else a column that is not the input."""
+def _held(plant: Plant, recording: Recording, every: Sequence[Recording]) -> list[str]:
+    """Tell inputs that never change: fine for a decay or a constant speed, and else a column that is not the input.
+
+    Where those of other recordings stand at another level, each is a step that begins with its recording.
+    """
     if not by_itself(plant, recording):
         return []
+    levels = [course_of(plant, each).drive[0] for each in every if by_itself(plant, each)]
     first = course_of(plant, recording).drive[0]
+    if any(np.any(level != first) for level in levels):
+        return []
     said = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, first, strict=True))
     return [f"{recording.source}: {said} in every row; what moves there is taken to move by itself"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,10 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
             "--period 0.001"
         )
     columns = guess_columns(first, time)
+    first, levels = _with_levels(first, paths[1:], columns)
     still = tuple(each for each in columns if np.ptp(first.columns[first.names.index(each.foreign)]) == 0.0)
+    # What is read from a plant moves within a recording: where it only differs from one to the next, it is no answer.
+    still += tuple(each for each in columns if each.foreign in levels and each.reads > 0 and not each.reference)
     moving = tuple(each for each in columns if each not in still and not each.reference)
     asked = sorted(
         (each for each in columns if each not in still and each.reference), key=lambda each: not each.commands
@@ -87,11 +90,17 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
             f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {held}"
             f"{told_words(first.words)}{'; write decimal numbers there, such as 0 and 1' if first.words else ''}{alone}"
         )
-    pushed = _pushed(moving, first)
+    pushed = _pushed(moving, first, levels)
     # Nothing is named as a drive: what an inner loop is asked for moves the plant, not what is read from it.
     if asked and pushed.drives <= 0 and (asked[0].commands or pushed.reads > 0):
         pushed = asked[0]
     drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
+    others = tuple(each for each in others if each.foreign not in levels)
+    if not others:
+        raise IdentifyError(
+            f"{file}: besides the time, no column changes within any recording but what drives the plant "
+            f"({drive.foreign}): record what answers it, too"
+        )
     outputs = tuple(_placed(drive, each, others, first) for each in _outputs(drive, others, first))
     used = (*((time,) if time else ()), drive, *outputs)
     refuse_twins(used, moving, file)
@@ -102,7 +111,7 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
         wraps = {foreign: replace(each.column, wraps=_turn(each.unit)) for foreign, each in turning.items()}
         recordings, rename, clock = _read(paths, {**rename, **wraps}, clock)
     named = [each.foreign for each in used]
-    asides = [_aside(each, each in still) for each in columns if each.foreign not in named]
+    asides = [_aside(each, each in still, levels) for each in columns if each.foreign not in named]
     asides += [f"column {name} {holds} and is not used" for name, holds in first.words.items() if name not in left_out]
     return Guesses(recordings, rename, clock, time, drive, outputs, tuple(asides))
 
@@ -118,13 +127,38 @@ def _without(table: RawTable, left_out: Sequence[str], path: Path) -> RawTable:
     )
 
 
-def _pushed(moving: Sequence[Guessed], table: RawTable) -> Guessed:
+def _with_levels(
+    first: RawTable, others: Sequence[Path], columns: Sequence[Guessed]
+) -> tuple[RawTable, frozenset[str]]:
+    """Return the rows to judge columns by, and which columns only differ from recording to recording, as steps may.
+
+    A column that never changes in the first file is looked up in the others, whose rows then follow its own.
+    """
+    values = dict(zip(first.names, first.columns, strict=True))
+    still = [each.foreign for each in columns if np.ptp(values[each.foreign]) == 0.0]
+    if not still:
+        return first, frozenset()
+    tables = [first, *(table for path in others if set(first.names) <= set((table := read_raw(path)[0]).names))]
+    parts = {name: [table.columns[table.names.index(name)] for table in tables] for name in first.names}
+    differ = [name for name in still if np.ptp(np.concatenate(parts[name])) > 0.0]
+    if not differ:
+        return first, frozenset()
+    levels = frozenset(name for name in differ if not any(np.ptp(part) for part in parts[name]))
+    return replace(first, columns=tuple(np.concatenate(parts[name]) for name in first.names)), levels
+
+
+def _pushed(moving: Sequence[Guessed], table: RawTable, levels: Collection[str]) -> Guessed:
     """Return what most likely moves the plant: what is named so, and the known quantity of several.
+
+    Of two that are named so, one that changes within a recording is rather it than a level of each, such as a load.
 
     A voltage beside a command is that of its supply where it does not follow it; a force or torque is what the drive
     gives where it moves something that is recorded too, else it is read from the plant.
     """
-    best = max(moving, key=lambda each: (each.drives, each.known, _held(table, each.foreign)))
+    best = max(
+        moving,
+        key=lambda each: (each.drives, each.foreign not in levels, each.known, _held(table, each.foreign)),
+    )
     sent = [each for each in moving if each.sent and each.drives > 0]
     if best.sent or not sent or best.quantity not in ("voltage_V", "force_N", "torque_N_m"):
         return best
@@ -208,7 +242,9 @@ def _lagged(drive: Array, rows: float) -> Array:
     return filtered(np.array([0.0, 1.0 - stays]), np.array([1.0, -stays]), drive - drive[0])
 
 
-def _aside(each: Guessed, still: bool) -> str:
+def _aside(each: Guessed, still: bool, levels: Collection[str]) -> str:
+    if each.foreign in levels:
+        return f"column {each.foreign} only differs from recording to recording and is not used"
     if still:
         return f"column {each.foreign} never changes and is not used"
     if each.reference:

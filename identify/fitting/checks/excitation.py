@@ -26,7 +26,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     if not any(parameter.free for parameter in plant.parameters):
         return ()
     still = all(np.ptp(drive) == 0.0 for drive in drives)
-    if still and any(parameter.name == "gain" and parameter.free for parameter in plant.parameters):
+    one_level = still and np.ptp(np.concatenate(drives)) == 0.0  # steps of several heights, one a recording, tell it
+    if one_level and any(parameter.name == "gain" and parameter.free for parameter in plant.parameters):
         return (
             f"{name} is {drives[0][0]:g} in every row, so that a gain cannot be told from a level of rest: record the "
             "plant while its input changes, or fix one of the two with free = false",

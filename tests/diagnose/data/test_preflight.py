@@ -41,6 +41,15 @@ def test_an_input_that_never_changes_is_noted_where_something_moves(bench: tuple
     assert any("coast.csv: voltage_V is 3 in every row" in note for note in notes)
 
 
+def test_inputs_held_at_another_level_in_each_recording_are_steps(bench: tuple[Plant, Recording, Recording]) -> None:
+    plant, train, _ = bench
+    held = [
+        make_recording(train.time, {**train.columns, "voltage_V": 0.0 * train.time + level}, f"{level:g}.csv", "")
+        for level in (3.0, 6.0)
+    ]
+    assert not any("in every row" in note for note in preflight(plant, held, []).notes)
+
+
 def test_sound_recordings_pass(bench: tuple[Plant, Recording, Recording]) -> None:
     plant, train, test = bench
     assert preflight(plant, [train], [test]).notes == ()
