@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.policy import CLOCK_JUMP_ROWS, FEWEST_ROWS, HARDLY_MEANT, MISLABELLED_CORRELATION, SIGNLESS_NOISE
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.own_values import by_itself, own_start
+from firmloop.identify.fitting.own_values import by_itself, own_start, steps_apart
 from firmloop.identify.fitting.sufficiency import dead_outputs
 from firmloop.identify.plants.effects import effects
 from firmloop.identify.plants.kinds import free_scale
@@ -126,12 +126,9 @@ def _held(plant: Plant, recording: Recording, every: Sequence[Recording]) -> lis
 
     Where those of other recordings stand at another level, each is a step that begins with its recording.
     """
-    if not by_itself(plant, recording):
+    if not by_itself(plant, recording) or any(steps_apart(plant, every)):
         return []
-    levels = [course_of(plant, each).drive[0] for each in every if by_itself(plant, each)]
     first = course_of(plant, recording).drive[0]
-    if any(np.any(level != first) for level in levels):
-        return []
     said = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, first, strict=True))
     return [f"{recording.source}: {said} in every row; what moves there is taken to move by itself"]
 

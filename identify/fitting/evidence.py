@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.experiment import Experiment, conditioned, experiments, misfit
 from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.fitting.least_squares import triangle, triangle_of
-from firmloop.identify.fitting.own_values import own_start
+from firmloop.identify.fitting.own_values import own_start, steps_apart, usual_start
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
@@ -48,9 +48,28 @@ class Remainder:
 def run_as_given(plant: Plant, recording: Recording) -> Array | None:
     """Return the outputs (n, r) of the plant as given, from rest; None without values, or where it grows and grows."""
     constants = np.array([parameter.value for parameter in plant.parameters])
-    if np.any(np.isnan(constants)):
+    return None if np.any(np.isnan(constants)) else _run_from(plant, recording, own_start(plant, recording, constants))
+
+
+def runs_as_given(evidence: Evidence) -> list[Array] | None:
+    """Return the outputs (n, r) of the plant as given for each recording; None as of `run_as_given`.
+
+    A step that begins with its recording is run from where its readings begin: states that fit best would answer it.
+    """
+    plant = evidence.given
+    if any(np.isnan(parameter.value) for parameter in plant.parameters):
         return None
-    start = own_start(plant, recording, constants)
+    runs = []
+    for recording, step in zip(evidence.recordings, steps_apart(plant, evidence.recordings), strict=True):
+        run = _run_from(plant, recording, usual_start(plant, recording)) if step else run_as_given(plant, recording)
+        if run is None:
+            return None
+        runs.append(run)
+    return runs
+
+
+def _run_from(plant: Plant, recording: Recording, start: Array) -> Array | None:
+    constants = np.array([parameter.value for parameter in plant.parameters])
     outputs = simulator(plant, recording.hold).run(course_of(plant, recording), constants, start)
     return outputs if np.all(np.isfinite(outputs)) else None
 

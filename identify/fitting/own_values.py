@@ -82,6 +82,14 @@ def by_itself(plant: Plant, recording: Recording) -> bool:
     return not np.any(np.ptp(drive_of(plant, recording), axis=0))
 
 
+def steps_apart(plant: Plant, recordings: Sequence[Recording]) -> tuple[bool, ...]:
+    """Tell which recordings are steps that begin with them: their inputs stand, at another level than in others."""
+    drives = [drive_of(plant, each) for each in recordings]
+    stand = [not np.any(np.ptp(each, axis=0)) for each in drives]
+    apart = len(np.unique([each[0] for each, stands in zip(drives, stand, strict=True) if stands], axis=0)) > 1
+    return tuple(apart and stands for stands in stand)
+
+
 def usual_start(plant: Plant, recording: Recording) -> Array:
     """Return the initial state (n,) at rest; of what moves by itself as its own readings begin.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
+from firmloop.identify.fitting.evidence import Evidence, alike, compared, runs_as_given
 from firmloop.identify.plants.kinds import free_scale
 from firmloop.identify.recordings.columns import rename_line
 from firmloop.identify.units import unit_of
@@ -103,10 +103,10 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     if claimed is not None and claimed.value == _PLACEHOLDER:
         return ()
     factors: dict[str, list[float]] = {}
-    for recording in evidence.recordings:
-        run = run_as_given(plant, recording)
-        if run is None:
-            return ()
+    runs = runs_as_given(evidence)
+    if runs is None:
+        return ()
+    for recording, run in zip(evidence.recordings, runs, strict=True):
         for signal, pair in zip(plant.outputs, compared(evidence, recording, run), strict=True):
             correlation, factor = alike(*pair)
             if factor > 0.0 and correlation > (_ALIKE if abs(math.log(factor)) < _HUGE else _ALIKE / 2.0):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, alike, compared, run_as_given
+from firmloop.identify.fitting.evidence import Evidence, alike, compared, runs_as_given
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -22,10 +22,10 @@ _SIGNLESS = 0.03  # of the largest reading: noise of one that has no sign
 def look(evidence: Evidence) -> tuple[str, ...]:
     """Compare every output with the plant as given, over all recordings."""
     seen: list[list[tuple[Array, Array]]] = [[] for _ in evidence.given.outputs]
-    for recording in evidence.recordings:
-        run = run_as_given(evidence.given, recording)
-        if run is None:
-            return ()
+    runs = runs_as_given(evidence)
+    if runs is None:
+        return ()
+    for recording, run in zip(evidence.recordings, runs, strict=True):
         for pairs, pair in zip(seen, compared(evidence, recording, run), strict=True):
             pairs.append(pair)
     drive = " or ".join(each.name for each in evidence.given.inputs)

@@ -79,3 +79,40 @@ def test_a_place_runs_against_its_drive_by_how_it_moves(
     (tmp_path / "project.toml").write_text(CYLINDER)
     main(["identify", str(tmp_path / "project.toml"), "--out", str(tmp_path / "out")])
     assert ("runs against valve" in "".join(capsys.readouterr())) == turned
+
+
+MOTOR = """schema = 1
+name = "steps"
+[recordings]
+train = ["s0.csv", "s1.csv", "s2.csv"]
+[plant]
+kind = "dc_motor"
+input = "voltage_V"
+outputs = ["position_rad"]
+[plant.parameters]
+R_ohm = { value = 6.7, free = false }
+L_H = { value = 5.0e-3, free = false }
+ke_V_s_rad = { value = 0.45, free = true }
+kt_N_m_A = { value = 0.47, free = false }
+J_kg_m2 = { value = 2.0e-3, free = true }
+b_N_m_s_rad = { value = 1.0e-3, free = true }
+"""
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_reversed_reading_is_told_where_each_recording_is_one_step(
+    sign: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An initial current and speed that fit best would turn the motor against each step."""
+    time, lag, gain = 0.005 * np.arange(200), 0.06, 2.0
+    for k, level in enumerate((1.6, -3.2, 6.4)):
+        angle = sign * gain * level * (time - lag * (1.0 - np.exp(-time / lag)))
+        angle += 0.005 * np.random.default_rng(k).normal(size=len(time))
+        rows = [f"{t:.6g},{level},{y:.6g}" for t, y in zip(time, angle, strict=True)]
+        (tmp_path / f"s{k}.csv").write_text("\n".join(["time_s,voltage_V,position_rad", *rows, ""]))
+    (tmp_path / "steps.toml").write_text(MOTOR)
+    assert main(["identify", str(tmp_path / "steps.toml"), "--out", str(tmp_path / "out"), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)["plant"]["warnings"]
+    against = [each for each in said if "runs against voltage_V" in each]
+    assert len(against) == (sign < 0.0), said
+    assert not against or against[0].startswith("position_rad of s0.csv, s1.csv, s2.csv runs against voltage_V")
