@@ -22,6 +22,7 @@ from firmloop.identify.plants.plant import Parameter
 _MOST = 1.5  # times: iron losses and doubtful data sheets stay below
 _SURE = 3.0  # deviations
 _UNIT = 0.05  # natural logarithm
+_NEARLY = 0.2  # and that far off, by what a data sheet's constant may be, a unit is said beside what else there may be
 _USUAL = ("in revolutions per minute", "in degrees")  # usual units of a speed, before any encoder
 _PRINTED = 0.002  # of a constant, that the digits of a data sheet leave open: as near as this a unit is exact
 _ALIKE = 0.5  # of the logarithm of the ratio: what a doubtful nominal resistance may be off besides
@@ -33,7 +34,9 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     plant = evidence.fit.plant if evidence.fit is not None else evidence.given
     held = {parameter.name: parameter for parameter in plant.parameters}
     ke, kt = held.get("ke_V_s_rad"), held.get("kt_N_m_A")
-    if ke is None or kt is None or not (_known(ke, evidence) and _known(kt, evidence)):
+    if ke is None or kt is None or not {"R_ohm", "b_N_m_s_rad"} <= held.keys():  # as in equations of one's own
+        return ()
+    if not (_known(ke, evidence) and _known(kt, evidence)):
         return ()
     ratio = ke.value / kt.value
     doubt = math.hypot(*((p.deviation or 0.0) / p.value for p in (ke, kt)))
@@ -44,8 +47,14 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         return (f"{says}{other}",)
     if kt.free and not ke.free:
         return ()  # kt takes what the voltages leave of a wrong speed, too: the plant as given tells more
+    times, gear = _read(held), held[GEAR].value if GEAR in held else 1.0
     speed = next((each.name for each in plant.outputs if turning(each.name)), "")
-    return (f"{says}{_of_the_speed(speed, _read(held), doubt, held[GEAR].value if GEAR in held else 1.0)}",)
+    column, unit = speed, unit_of_factor(times, _NEARLY, speed) if speed else None
+    if unit is None and times < 1.0 and not held["R_ohm"].free:  # a voltage so many times too large shows no less
+        column = plant.inputs[0].name
+        unit = unit_of_factor(1.0 / times, _NEARLY, column)
+    counts = asked_counts(evidence, speed, times)
+    return (f"{says}{_of_a_column(column, unit, times, doubt, gear, counts)}",)
 
 
 def _read(held: Mapping[str, Parameter]) -> float:
@@ -61,18 +70,17 @@ def _read(held: Mapping[str, Parameter]) -> float:
     return (kt.value + drag) / (ke.value + drag)
 
 
-def _of_the_speed(name: str, times: float, doubt: float, gear: float) -> str:
-    """Say in which unit a speed looks that is read so many times too large, or ask what stands between."""
-    unit = unit_of_factor(times, _UNIT, name) if name else None
-    counts = asked_counts(name, times)
-    key = f"write {GEAR} = {{ value = {gear / times:.4g}, free = false }} in [plant.parameters]"
-    geared = f"is the speed read behind a gear? then {key}"
-    if unit is not None:
-        near = abs(math.log(times / FACTORS[unit])) < max(_SURE * doubt, _PRINTED)
-        asked = "" if near or unit in _USUAL else geared if times < 1.0 else counts
-        return f"the speed looks {unit}: {in_unit(name, unit)}" + (f"; or {asked}" if asked else "")
-    wrong = "correct kt_N_m_A or the unit of the speed or of the current"
-    return f"{counts or geared}; else {wrong}"
+def _of_a_column(name: str, unit: str | None, times: float, doubt: float, gear: float, counts: str) -> str:
+    """Say in which unit a column looks beside which a speed reads so many times too large, or ask what else it is."""
+    geared = f"write {GEAR} = {{ value = {gear / times:.4g}, free = false }} in [plant.parameters]"
+    asked = counts if times > 1.0 else f"is the speed read behind a gear? then {geared}"
+    if unit is None:
+        asked = asked or f"is the speed read behind a gear? then {geared}"
+        return f"{asked}; else correct kt_N_m_A or the unit of the speed or of the current"
+    off = abs(abs(math.log(times)) - abs(math.log(FACTORS[unit])))
+    sure = off < max(_SURE * doubt, _PRINTED) or (unit in _USUAL and off < _UNIT)
+    looks = f"{'the speed' if turning(name) else name} looks {unit}: {in_unit(name, unit)}"
+    return looks if sure or not asked else f"{looks}; or {asked}"
 
 
 def _of_a_wire(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) -> str:

@@ -61,14 +61,16 @@ def turning(name: str) -> bool:
     return unit_of(name) in ("rad", "rad/s")
 
 
-def asked_counts(name: str, factor: float) -> str:
+def asked_counts(evidence: Evidence, name: str, factor: float) -> str:
     """Ask whether a reading in rad or rad/s that is `factor` times too large is counted by an encoder.
 
-    Empty for other readings, and for fewer counts a turn than encoders have. How many they are exactly a measured
-    factor does not tell.
+    Empty for other readings, for an angle that is not in whole numbers, and for fewer counts a turn than encoders have.
+    How many they are exactly a measured factor does not tell.
     """
     counts = 2.0 * math.pi * factor
     if not turning(name) or counts < _FEWEST_COUNTS:
+        return ""
+    if unit_of(name) == "rad" and not all(np.all(each.columns[name] % 1.0 == 0.0) for each in evidence.recordings):
         return ""
     return (
         f"is it in counts of an encoder, about {counts:.4g} a turn (4 times its lines)? then give the column, in "
@@ -120,21 +122,50 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         if claimed is not None and unit is None:
             continue
         found.append(
-            f"{name} is {factor:.4g} times what the plant as given does: {_looks(name, factor, unit)}, "
-            "or correct [plant.parameters] if the column is right"
+            f"{name} is {factor:.4g} times what the plant as given does: "
+            + (
+                _of_a_start(evidence, name, factor)
+                or f"{_looks(evidence, name, factor, unit)}, or correct [plant.parameters] if the column is right"
+            )
         )
     return tuple(found)
 
 
-def _looks(name: str, factor: float, unit: str | None) -> str:
+def _of_a_start(evidence: Evidence, name: str, factor: float) -> str:
+    """Name the voltage constant of a motor where it is given as wrong by the factor, and fits as its torque constant.
+
+    Empty elsewhere. The two are one constant in SI units; of a speed in another unit they would not be.
+    """
+    if evidence.fit is None or not turning(name):
+        return ""
+    given, found = (
+        {parameter.name: parameter.value for parameter in plant.parameters}.get("ke_V_s_rad", 0.0)
+        for plant in (evidence.given, evidence.fit.plant)
+    )
+    torque = {parameter.name: parameter.value for parameter in evidence.fit.plant.parameters}.get("kt_N_m_A", 0.0)
+    if min(given, found, torque) <= 0.0 or abs(math.log(found / torque)) > _NEAR:
+        return ""
+    if abs(math.log(given / found / factor)) > _NEAR:
+        return ""
+    return (
+        f"its unit is right, for ke_V_s_rad comes out as {found:.3g}, and kt_N_m_A, which is the same in SI units, is "
+        f"{torque:.3g}; correct ke_V_s_rad in [plant.parameters], which is given as {given:.3g}"
+    )
+
+
+def _looks(evidence: Evidence, name: str, factor: float, unit: str | None) -> str:
     """Say in which unit a reading looks that is so many times too large, with the line that mends it."""
     if turning(name):
         unit = unit_of_factor(factor, _SHAFT, name)
-    counts = "" if unit and unit_of_factor(factor, _SURE, name) else asked_counts(name, factor)
+    counts = "" if unit and unit_of_factor(factor, _SURE, name) else asked_counts(evidence, name, factor)
     if unit:
         return f"it looks {unit}: {in_unit(name, unit)}" + (f"; or {counts}" if counts else "")
     if counts:
         return f"{counts}; else give it its unit there"
+    drive = evidence.given.inputs[0].name
+    pushed = unit_of_factor(1.0 / factor, _SHAFT, drive) if factor < 1.0 and len(evidence.given.inputs) == 1 else None
+    if pushed:
+        return f"{drive} looks {pushed}: {in_unit(drive, pushed)}; else give the column its unit there"
     return "a unit or a nominal value is wrong; give the column its unit in [recordings.rename]"
 
 

@@ -88,3 +88,56 @@ def test_degrees_a_second_are_not_called_a_unit_per_minute(tmp_path, capsys):
     assert main(["identify", str(folder / "project.toml"), "--out", str(folder / "out")]) == 0
     said = "".join(capsys.readouterr())
     assert "looks in degrees" in said and "looks per minute" not in said
+
+
+GIVEN = {"R_ohm", "L_H", "kt_N_m_A"}
+
+
+@pytest.mark.parametrize("friction", [True, False])
+@pytest.mark.parametrize(("column", "name"), [("voltage_V", "voltage_V"), ("speed_rad_s", "(it|the speed)")])
+@pytest.mark.parametrize("doubt", [0.9, 1.0, 1.12])
+def test_a_thousand_times_is_a_unit_before_it_is_a_gear(doubt, column, name, friction, tmp_path, capsys):
+    """Though a given constant is in doubt, and whether friction is told beside the back EMF, or given."""
+    table, time, columns = changed(motor(seeded(6)), **{column: lambda v: 1e3 * v})
+    given = GIVEN if friction else GIVEN | {"b_N_m_s_rad"}
+    parameters = {name: {"value": MOTOR[name], "free": name not in given} for name in MOTOR}
+    parameters["kt_N_m_A"]["value"] *= doubt
+    table = {**table, "outputs": SPEED, "parameters": parameters}
+    kept = {name: columns[name] for name in ("voltage_V", *SPEED)}
+    said, _ = identified(written(tmp_path / "log", (table, time, kept)), capsys)
+    looks = re.search(rf"{name} looks in thousandths of the unit \(mA, mV, mm\): write, ", said[0])
+    assert looks and f'{column} = {{ name = "{column}", scale = 0.001 }}' in said[0], said
+    assert "gear" not in said[0][: looks.start()] and "counts" not in said[0][: looks.start()]
+
+
+def test_a_start_that_is_far_off_beside_right_units_is_named_and_no_encoder(tmp_path, capsys):
+    table, time, columns = motor(seeded(6))
+    parameters = {name: {"value": MOTOR[name], "free": name not in GIVEN} for name in MOTOR}
+    parameters = {n: {**p, "value": p["value"] * (5.5 if p["free"] else 1.0)} for n, p in parameters.items()}
+    table = {**table, "outputs": SPEED, "parameters": parameters}
+    kept = {name: columns[name] for name in ("voltage_V", *SPEED)}
+    said, found = identified(written(tmp_path / "log", (table, time, kept)), capsys)
+    assert found["ke_V_s_rad"] == pytest.approx(MOTOR["ke_V_s_rad"], rel=0.05)
+    assert any("times what the plant as given does: its unit is right, for ke_V_s_rad" in one for one in said), said
+    assert not any("counts" in one or "gear" in one for one in said)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_an_angle_that_is_not_in_whole_numbers_is_in_no_counts(whole, tmp_path, capsys):
+    random = seeded(8)
+    time = 0.005 * np.arange(1200)
+    drive, speed, angle = np.repeat(random.uniform(-6.0, 6.0, 24), 50), 0.0, [0.0]
+    for u in drive[:-1]:
+        angle.append(angle[-1] + 0.005 * speed)
+        speed += (1.0 - np.exp(-0.005 / 0.06)) * (2.0 * u - speed)
+    read = 400.0 / (2.0 * np.pi) * np.array(angle)
+    table = {
+        "kind": "rotary_stage",
+        "input": "torque_N_m",
+        "outputs": ["position_rad"],
+        "parameters": {"J_kg_m2": 0.03, "b_N_m_s_rad": 0.5},
+    }
+    columns = {"torque_N_m": drive, "position_rad": np.round(read) if whole else read}
+    said, _ = identified(written(tmp_path / "log", (table, time, columns)), capsys)
+    assert any("times what the plant as given does" in one for one in said), said
+    assert any("in counts of an encoder" in one for one in said) == whole, said
