@@ -27,7 +27,7 @@ from firmloop.identify.fitting.experiment import (
 from firmloop.identify.fitting.hardly_told import hardly_told
 from firmloop.identify.fitting.own_values import OwnValue, own_values
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, bounded, make_problem, shortened, solve, weighted
-from firmloop.identify.fitting.residual_tests import slow, unexplained
+from firmloop.identify.fitting.residual_tests import POOR, slow, unexplained
 from firmloop.identify.fitting.scores import Scores, scores
 from firmloop.identify.fitting.starting_points import starting_points, without_far_values
 from firmloop.identify.fitting.sufficiency import check_answer, check_moving, check_rows, check_span, check_step
@@ -105,7 +105,8 @@ def fit(
 def judge(found: Fit, train: Sequence[Recording], conditioning: Conditioning) -> None:
     """Raise IdentifyError where a gain is wanted that the recordings do not show."""
     seen = [experiments(found.plant, recording, conditioning) for recording in train]
-    check_span(found.plant, seen)
+    fits = min(figures.r2 for one in found.train for figures in one.scores.values()) >= POOR or not found.slow
+    check_span(found.plant, found.free, found.covariance if fits else np.full_like(found.covariance, math.nan), seen)
     for parameter in found.plant.parameters:
         if parameter.name == "gain" and parameter.free:
             check_answer(found.plant, parameter, seen)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment
+from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.stillness import moves
 from firmloop.identify.simulation.linearize import linearize
@@ -19,6 +21,7 @@ _BY_PARAMETER = 5  # readings: fewer, and an interval rests on a guess of the no
 _BY_STATE = 2  # readings for each initial state, of which every window has its own
 _SETTLED = 3.0  # time constants: within 5 % of the final value
 _DRIFTS = 100.0  # recordings: a time constant as long as that is none
+_STEP = 1e-5  # of a parameter, over which a time constant is seen to follow it
 _NOISE_FREE = 1e-6  # of a state's largest slope: a pole of zero and what rounding makes of it
 
 
@@ -65,36 +68,72 @@ def check_rows(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None
         )
 
 
-def check_span(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
-    """Raise IdentifyError where a gain is wanted and the recordings end before the fitted plant can show it.
+def check_span(
+    plant: Plant, free: Sequence[str], covariance: Array, recordings: Sequence[Sequence[Experiment]]
+) -> None:
+    """Raise IdentifyError where a gain is wanted and the recordings surely end before the fitted plant can show it.
+
+    Where the interval of the slowest time constant holds the length of the recording, its value says nothing of how
+    long to record, and what the fit says of its intervals stands alone. `covariance` is that of the `free` parameters;
+    NaN of a fit whose intervals mean nothing.
+    """
+    slowest = outlasting(plant, recordings)
+    if slowest is None:
+        return
+    longest, span = _longest(recordings)
+    if slowest > _DRIFTS * span:
+        raise IdentifyError(
+            f"{longest.source}: the output drifts and does not settle within its {span:.3g} s, so "
+            f"that {plant.kind} has no gain; take the drift out with [recordings.conditioning] detrend, record longer, "
+            "or fix gain with free = false"
+        )
+    if span < slowest * math.exp(-NORMAL_95 * _doubt_of_slowest(plant, free, covariance, slowest)):
+        raise IdentifyError(
+            f"{longest.source}: {span:.3g} s are too short for {plant.kind}: its slowest time "
+            f"constant comes out as {slowest:.2g} s, so that its gain lies beyond what was recorded; record at least "
+            f"{_SETTLED * slowest:.2g} s ({_SETTLED:.0f} time constants), or fix gain with free = false"
+        )
+
+
+def outlasting(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> float | None:
+    """Return the slowest time constant of a plant, s, where its gain is wanted and no recording is as long; else None.
 
     Where some of the dynamics are given, what was asked may be a ratio of the gain and those: a mass, say.
     """
     if not all(parameter.free for parameter in plant.parameters if parameter.name != "delay_s"):
-        return
+        return None
     if not any(parameter.name == "gain" for parameter in plant.parameters):
-        return
-    poles = np.linalg.eigvals(linearize(plant).a)
-    poles = poles[np.abs(poles) > _NOISE_FREE * np.max(np.abs(poles), initial=0.0)]
-    decays = -np.real(poles)
-    if not len(decays) or np.min(decays) <= 0.0:
-        return
-    slowest = 1.0 / float(np.min(decays))
+        return None
+    slowest = _slowest(plant)
+    return slowest if slowest is not None and slowest > _longest(recordings)[1] else None
+
+
+def _longest(recordings: Sequence[Sequence[Experiment]]) -> tuple[Experiment, float]:
+    """Return the longest window of all recordings, and how long it is, s."""
     parts = [made for windows in recordings for made in windows]
     spans = [float(made.course.time[made.course.end - 1] - made.course.time[made.course.first]) for made in parts]
     longest = int(np.argmax(spans))
-    if slowest > _DRIFTS * spans[longest]:
-        raise IdentifyError(
-            f"{parts[longest].source}: the output drifts and does not settle within its {spans[longest]:.3g} s, so "
-            f"that {plant.kind} has no gain; take the drift out with [recordings.conditioning] detrend, record longer, "
-            "or fix gain with free = false"
-        )
-    if spans[longest] < slowest:
-        raise IdentifyError(
-            f"{parts[longest].source}: {spans[longest]:.3g} s are too short for {plant.kind}: its slowest time "
-            f"constant comes out as {slowest:.2g} s, so that its gain lies beyond what was recorded; record at least "
-            f"{_SETTLED * slowest:.2g} s ({_SETTLED:.0f} time constants), or fix gain with free = false"
-        )
+    return parts[longest], spans[longest]
+
+
+def _slowest(plant: Plant) -> float | None:
+    """Return the slowest time constant of a plant, s; None where one of its states does not decay, or it has none."""
+    poles = np.linalg.eigvals(linearize(plant).a)
+    poles = poles[np.abs(poles) > _NOISE_FREE * np.max(np.abs(poles), initial=0.0)]
+    decays = -np.real(poles)
+    return 1.0 / float(np.min(decays)) if len(decays) and np.min(decays) > 0.0 else None
+
+
+def _doubt_of_slowest(plant: Plant, free: Sequence[str], covariance: Array, slowest: float) -> float:
+    """Return the standard deviation of the natural logarithm of the slowest time constant; inf where it has none."""
+    values, slopes = {parameter.name: parameter.value for parameter in plant.parameters}, np.zeros(len(free))
+    for k, name in enumerate(free):
+        step = _STEP * (abs(values[name]) or 1.0)
+        moved = _slowest(plant.valued({name: values[name] + step}))
+        slopes[k] = (math.log(moved / slowest)) / step if moved is not None else math.nan
+    by = np.flatnonzero(slopes)
+    variance = float(slopes[by] @ covariance[np.ix_(by, by)] @ slopes[by])
+    return math.sqrt(max(variance, 0.0)) if math.isfinite(variance) else math.inf
 
 
 def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:

@@ -15,8 +15,10 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, independent, remainders
+from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.fit import Fit, about_means, estimate, judge
 from firmloop.identify.fitting.residual_tests import residual_tests
+from firmloop.identify.fitting.sufficiency import outlasting
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.operating_point import OUTPUT
@@ -190,8 +192,11 @@ def _in_kind(plant: Plant, output: Signal) -> bool:
 
 
 def _refused(evidence: Evidence) -> bool:
-    """Tell whether the fit would be refused: it may have gone astray for want of a level."""
+    """Tell whether the fit would be refused, or outlasts what was recorded: astray, perhaps, for want of a level."""
     assert evidence.fit is not None
+    plant = evidence.fit.plant
+    if outlasting(plant, [experiments(plant, each, evidence.conditioning) for each in evidence.recordings]) is not None:
+        return True
     try:
         judge(evidence.fit, evidence.recordings, evidence.conditioning)
     except IdentifyError:

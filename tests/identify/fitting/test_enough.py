@@ -83,3 +83,24 @@ def test_a_lag_that_only_integrates_is_refused_and_never_called_instant() -> Non
     plant = make_plant("first_order", "u", ["y"], {})
     with pytest.raises(IdentifyError, match=r"axis.csv: the output drifts and does not settle"):
         fit(plant, [recording], [], NONE)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_length_is_advised_where_the_fit_ran_away(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A speed that is counted without its sign follows no lag; what a lag comes out as says nothing of the length."""
+    random = np.random.default_rng(seed)
+    drive, speed, rows = np.repeat(random.choice([-1.5, 1.5], 25), 20), 0.0, []
+    for k, u in enumerate(drive):
+        rows.append(f"{0.02 * k:.2f},{u},{abs(speed) + 0.02 * random.normal():.5f}")
+        speed += (1.0 - np.exp(-0.02 / 0.16)) * (3.0 * u - speed)
+    monkeypatch.chdir(tmp_path)
+    Path("log.csv").write_text("\n".join(["time_s,voltage_V,belt", *rows, ""]))
+    Path("p.toml").write_text(
+        'schema = 1\nname = "belt"\n[recordings]\ntrain = ["log.csv"]\n[plant]\nkind = "first_order"\n'
+        'input = "voltage_V"\noutputs = ["belt"]\n'
+    )
+    main(["identify", "p.toml", "--out", "out"])
+    said = "".join(capsys.readouterr())
+    assert "too short" not in said and ("gain" in said)
