@@ -90,13 +90,14 @@ def estimate(parameter: Parameter) -> tuple[str, str, str]:
 
 
 def rounded_to(value: float, half: float) -> str:
-    """Write a value down to the second digit of the half width of its interval."""
+    """Write a value down to the second digit of the half width of its interval, and no shorter than two digits.
+
+    Where the interval is wider than the value, it says so itself: a value that is not 0 is what the project is given.
+    """
     if value == 0 or not math.isfinite(value):
         return figure(value, "g")
-    if abs(value) < 0.5 * 10.0 ** (math.floor(math.log10(half)) - 1):
-        return "0"
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
-    return f"{value:#.{min(max(digits, 1), 12)}g}".rstrip(".").replace(".e", "e")
+    return f"{value:#.{min(max(digits, 2), 12)}g}".rstrip(".").replace(".e", "e")
 
 
 def about_design(design: Design) -> list[str]:
