@@ -376,12 +376,14 @@ def _far_from_given(plant: Plant, shifts: Sequence[Shift], spread: Mapping[str, 
     """Say which nominal parameters the recordings determine well, and far from where the project has them."""
     if verdict == "unknown_physics":
         return []  # they may have moved to imitate what has no name
+    fitted = {each.name for each in plant.parameters if each.deviation is not None}  # by identify: nobody gave them
     return [
         f"the recordings are met with {' '.join(filter(None, (f'{each.name} = {each.after:.3g}', each.unit)))}, "
         f"{each.after / each.given:.2g} times what the project gives; check its value and "
         f"{'sign' if each.after / each.given < 0.0 else 'unit'}"
         for each in shifts
-        if each.given * each.after != 0.0
+        if each.name not in fitted
+        and each.given * each.after != 0.0
         and (each.after / each.given < 0.0 or abs(math.log(each.after / each.given)) > math.log(HARDLY_MEANT))
         and spread.get(each.name, math.inf) < FIRM_TO_SAY * abs(each.after)
     ]
