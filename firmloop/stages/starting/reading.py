@@ -71,8 +71,8 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     if time is None and period is None:
         raise IdentifyError(
             f"{file}: no column seems to be the time; it has {', '.join(first.names)[:200]}{told_words(first.words)}; "
-            f"{'write decimal numbers there, or ' if first.words else ''}give the time between two rows, s: "
-            "--period 0.001"
+            f"{'write decimal numbers there, or ' if first.words else ''}{_unnamed_clock(first)}give the time "
+            "between two rows, s: --period 0.001"
         )
     columns = guess_columns(first, time)
     first, levels = _with_levels(first, paths[1:], columns)
@@ -114,6 +114,16 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     asides = [_aside(each, each in still, levels) for each in columns if each.foreign not in named]
     asides += [f"column {name} {holds} and is not used" for name, holds in first.words.items() if name not in left_out]
     return Guesses(recordings, rename, clock, time, drive, outputs, tuple(asides))
+
+
+def _unnamed_clock(table: RawTable) -> str:
+    """Say how to name a column that rises evenly, as a clock does; empty where there is none."""
+    steps = ((name, np.diff(values)) for name, values in zip(table.names, table.columns, strict=True))
+    even = (name for name, each in steps if len(each) and 0.5 * np.max(each) < np.min(each))
+    name = next(even, "")
+    return (
+        f"if {name}, which rises in every row, is it, call it time_s in the header, or time_ms; else " if name else ""
+    )
 
 
 def _without(table: RawTable, left_out: Sequence[str], path: Path) -> RawTable:

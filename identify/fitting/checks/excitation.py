@@ -15,6 +15,7 @@ from firmloop.identify.plants.plant import Plant
 Array = NDArray[np.float64]
 
 _SEEN = 1e-3  # of the strongest frequency's power
+_A_STEP = 0.5  # of an input's range, in one row
 _WIDTH = 8  # bins that one sine takes at most under a Hann window
 
 
@@ -37,7 +38,10 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         return _levels(plant, free, drives) or _poorly(evidence)
     lines = max(frequencies(drive) for drive in drives)
     needed = -(-free // (2 * len(plant.outputs)))
-    if lines < needed and not still:  # what moves by itself, as a decay does, is judged by its intervals
+    stepped = any(steps(drive) for drive in drives)
+    if (
+        lines < needed and not still and not stepped
+    ):  # what moves by itself, as a decay does, is judged by its intervals
         return (
             f"{name} holds {lines} frequenc{'y' if lines == 1 else 'ies'}, and {free} free parameters of "
             f"{len(plant.outputs)} output{'s' if len(plant.outputs) > 1 else ''} need {needed}: record steps or a "
@@ -76,6 +80,11 @@ def frequencies(drive: Array) -> int:
     away = (drive - drive.mean()) * np.hanning(len(drive))
     power = np.abs(np.fft.rfft(away)) ** 2
     return -(-int(np.sum(power > _SEEN * power.max())) // _WIDTH)
+
+
+def steps(drive: Array) -> bool:
+    """Tell whether an input (n,) goes most of its way in one row: a step holds every frequency, wherever it stands."""
+    return float(np.max(np.abs(np.diff(drive)), initial=0.0)) > _A_STEP * float(np.ptp(drive)) > 0.0
 
 
 def _hardly_known(evidence: Evidence) -> list[str]:

@@ -61,3 +61,21 @@ def test_a_reading_without_a_sign_is_told_and_its_effect_gives_the_motor_back(tm
     effect = '[[plant.effects]]\nname = "sensor_rectified"\noutput = "speed_rad_s"'
     says, found = identified(written(tmp_path / "mended", made, effects=effect), capsys)
     assert found["ke_V_s_rad"] == pytest.approx(0.037, rel=0.02) and not any("never negative" in one for one in says)
+
+
+def test_a_ramp_and_a_step_are_no_single_frequency(tmp_path, capsys):
+    """A step that begins with its recording is tapered away where frequencies are counted."""
+    random, time = seeded(11), 0.01 * np.arange(900)
+    given = {"gain": 3.0, "time_constant_s": 0.3, "delay_s": 0.0}
+    table = {"kind": "first_order", "input": "valve_V", "outputs": ["level_V"], "parameters": given}
+    made = []
+    for drive in (0.2 * time, np.where(time > 0.015, 5.0, 0.0)):
+        level = [0.0]
+        for u in drive[:-1]:
+            level.append(level[-1] + (1.0 - np.exp(-0.01 / 0.3)) * (3.0 * u - level[-1]))
+        made.append({"valve_V": drive, "level_V": np.array(level) + 0.002 * random.normal(size=len(time))})
+    folder = written(tmp_path / "run", (table, time, made[0]))
+    beside(folder, (table, time, made[1]))
+    says, found = identified(folder, capsys)
+    assert not any("frequenc" in one for one in says), says
+    assert found["time_constant_s"] == pytest.approx(0.3, rel=0.02)

@@ -87,3 +87,12 @@ def test_a_level_of_each_recording_alone_has_no_answer(
     made = [logged(f"n{k}.csv", f"time_s,u_V,{answer}", [TIME, zero + k, zero + 2.0 * k]) for k in range(3)]
     assert main(["init", *made]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_a_clock_without_a_name_of_time_is_told_by_the_name_it_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    logged("log.csv", "x1,u,y", [TIME, np.where(TIME < 1.0, 0.0, 2.0), speed(20.0, 1)])
+    assert main(["init", "log.csv"]) == 2
+    assert "if x1, which rises in every row, is it, call it time_s in the header" in capsys.readouterr().err
