@@ -254,21 +254,15 @@ def _named(search: Search, shown: Candidate, verdict: Verdict, candidates: Seque
             if term.label not in found:
                 share = sum(w for w, each in zip(weights, fits, strict=True) if term in each.fitted.terms)
                 if not candidates:
-                    share = _certainty(search, shown)
+                    share = _weights([shown, *standing(search)])[0]  # against the runner-up
                 certain = math.erf(strength(candidate.fitted, term) / math.sqrt(2.0))  # that it is not nothing
                 found[term.label] = _one(search.problem, candidate, term, min(share, certain))
     return tuple(found.values())
 
 
-def _certainty(search: Search, shown: Candidate) -> float:
-    """Probability against the runner-up."""
-    return _weights([shown, *standing(search)])[0]
-
-
 def _weights(candidates: Sequence[Candidate], untold: bool = False) -> list[float]:
-    """Return the probability of each; of those that are `untold` from one another none is told to be next to nothing."""
-    scores = np.array([candidate.score for candidate in candidates])
-    behind = scores - scores.min()
+    """Return the probability of each; of those `untold` from one another none is said to be next to nothing."""
+    behind = np.array([candidate.score for candidate in candidates]) - min(candidate.score for candidate in candidates)
     softer = max(float(behind.max()) / TIE, 1.0) if untold else 1.0
     raw = np.exp(-0.5 * behind / (SOFT_EVIDENCE * softer))
     return [float(each) for each in raw / raw.sum()]
