@@ -157,7 +157,8 @@ def _stribeck(r: Range, size: float, rng: np.random.Generator) -> tuple[Stranger
     level, speed = 0.05 * size * r.effort, 0.1 * r.speed
     told = {"coulomb_N_m": level, "static_N_m": 2.0 * level, "stribeck_rad_s": speed}
     stiffness = 2.0 * level / (5e-5 * r.speed)
-    damping = 2.0 * float(np.sqrt(stiffness * r.inertia))
+    # Critically damped bristles answer a quick fall of the friction by more than the friction itself.
+    damping = 0.2 * float(np.sqrt(stiffness * r.inertia))
     return Stranger(actuator=f'lugre="{stiffness!r} {damping!r} {level!r} {2.0 * level!r} {speed!r}"'), told
 
 
