@@ -39,9 +39,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     lines = max(frequencies(drive) for drive in drives)
     needed = -(-free // (2 * len(plant.outputs)))
     stepped = any(steps(drive) for drive in drives)
-    if (
-        lines < needed and not still and not stepped
-    ):  # what moves by itself, as a decay does, is judged by its intervals
+    # What moves by itself, as a decay does, is judged by its intervals.
+    if lines < needed and not still and not stepped:
         return (
             f"{name} holds {lines} frequenc{'y' if lines == 1 else 'ies'}, and {free} free parameters of "
             f"{len(plant.outputs)} output{'s' if len(plant.outputs) > 1 else ''} need {needed}: record steps or a "

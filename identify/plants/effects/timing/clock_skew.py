@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
-    """Name the constants; an RC oscillator without a crystal is off by some per cent, and no clock by more."""
-    return (EffectParameter("ratio", "", -0.03, 0.03, 0.0, False, None),)
+    """Name the constants."""
+    return (EffectParameter("ratio", "", -0.1, 0.1, 0.0, False, None),)
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
     return tuple((sign * share,) for sign in (1.0, -1.0) for share in (1e-3, 5e-3, 2e-2))
+
+
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether a clock may be off as much: an RC oscillator without a crystal is by some per cent."""
+    return abs(values[0]) < 0.03
 
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
@@ -38,5 +45,6 @@ EFFECT = Effect(
     switches=(0,),
     unmet="it is the recorder's clock, not the controller's",
     coordinate="time",
+    believable=believable,
     late=True,
 )
