@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +115,14 @@ def colored(color: str, rows: int, rng: np.random.Generator, step: float, memory
     return np.asarray(white)
 
 
+def of_sensors(
+    color: str, rows: int, rng: np.random.Generator, step: float, sizes: Array, memories: Sequence[float]
+) -> Array:
+    """Return the noise (n, r) of sensors, each of its own rms and memory."""
+    noise = [size * colored(color, rows, rng, step, own) for size, own in zip(sizes, memories, strict=True)]
+    return np.stack(noise, axis=1)
+
+
 def drawn_drive(rows: int, rng: np.random.Generator) -> Array:
     """Return an input (n,) between -1 and 1 that begins with zeros: steps, a binary sequence, a chirp, a staircase."""
     form = int(rng.integers(4))
@@ -142,10 +150,8 @@ def write(seed: int, folder: Path) -> None:
     rows, count = int(rng.integers(400, 1501)), int(rng.integers(1, 4))
     level, fineness = 10.0 ** rng.uniform(-2.7, -1.3), rng.uniform(0.05, 0.5)
     added: list[Array] = []
-    memory, memories = (
-        drawn_memory(rng),
-        [drawn_memory(rng) for _ in plant.outputs],
-    )  # a sensor's is the same in every recording
+    memory = drawn_memory(rng)  # of a disturbance
+    memories = [drawn_memory(rng) for _ in plant.outputs]  # a sensor's is the same in every recording
     for k in range(count):
         drive = plant.top * drawn_drive(rows, rng)
         push = np.zeros(rows)
@@ -154,8 +160,7 @@ def write(seed: int, folder: Path) -> None:
         clean = moved(plant.matrices, plant.step, drive)
         shown = moved(plant.matrices, plant.step, drive + push)
         sizes = level * np.maximum(np.std(clean, axis=0), 1e-12)
-        noise = [size * colored(color, rows, rng, plant.step, m) for size, m in zip(sizes, memories, strict=True)]
-        shown = shown + np.stack(noise, axis=1)
+        shown = shown + of_sensors(color, rows, rng, plant.step, sizes, memories)
         grid = fineness * sizes
         shown = np.round(shown / grid) * grid
         added.append(shown - clean)

@@ -24,7 +24,7 @@ from bench.diagnose.linear_plants import (
     project_text,
     stage_matrices,
 )
-from bench.diagnose.nulls import colored, drawn_drive, drawn_memory
+from bench.diagnose.nulls import drawn_drive, drawn_memory, of_sensors
 from bench.diagnose.strangers_model import MASS, STEP, Stranger, document, run
 from bench.diagnose.visible import least_left
 from firmloop.identify.recordings.recording import make_recording, write_recording
@@ -238,8 +238,7 @@ def write(seed: int, folder: Path) -> None:
         found = run(text, drive, plant.step, hidden.constant)
         shown = np.stack([found[output] for output in plant.outputs], axis=1)
         clean.append(shown)
-        noise = [size * colored(color, ROWS, rng, plant.step, m) for size, m in zip(scale, memories, strict=True)]
-        noisy = shown + np.stack(noise, axis=1)
+        noisy = shown + of_sensors(color, ROWS, rng, plant.step, scale, memories)
         noisy = np.round(noisy / (0.2 * scale)) * (0.2 * scale)
         added.append(noisy - shown)
         columns = {plant.input: drive, **dict(zip(plant.outputs, noisy.T, strict=True))}

@@ -25,7 +25,7 @@ from firmloop.diagnose.model.candidate import (
 )
 from firmloop.diagnose.model.continuation import over_stretches, past_contacts
 from firmloop.diagnose.model.descent import residual_of, whitened
-from firmloop.diagnose.model.fit import evidence, fit, noises_of
+from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of
 from firmloop.diagnose.model.hypothesis import (
     MOMENT,
     Point,
@@ -98,7 +98,7 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
             if not candidates:
                 continue
             if best.score > candidates[0].score:  # what it won may be that the others were further from their end
-                nearest = with_likelier((best, _gone_on(problem, best, candidates[0].noises)))
+                nearest = with_likelier((best, _gone_on(problem, best.fitted, candidates[0].noises)))
             rounds.append(candidates)
             chosen = _chosen(problem, candidates, nearest, worth, sum(gains))
             if chosen is not None:
@@ -211,9 +211,10 @@ def _refollowed(problem: Problem, candidate: Candidate) -> Candidate:
             continue
         engine.follow(recorded)
         engine.amend(off)
-        fitted, noises = amended.fitted, amended.noises
-        led = fitted if recorded else over_stretches(problem, fitted.terms, fitted.point, noises)
-        other = _unwhitened(problem, _gone_on(problem, replace(amended, fitted=led), noises))
+        begun, noises = amended.fitted, amended.noises
+        if not recorded:
+            begun = over_stretches(problem, begun.terms, begun.point, noises)
+        other = _unwhitened(problem, _gone_on(problem, begun, noises))
         if recorded:
             amended = other
         if best.score - other.score > TIE:
@@ -223,8 +224,7 @@ def _refollowed(problem: Problem, candidate: Candidate) -> Candidate:
     return best
 
 
-def _gone_on(problem: Problem, candidate: Candidate, noises: Sequence[Noise]) -> Candidate:
-    fitted = candidate.fitted
+def _gone_on(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Candidate:
     return rated(problem, fit(problem, problem.train, fitted.terms, fitted.point, noises, STEPS_OF_A_FIT))
 
 
@@ -238,7 +238,7 @@ def _refined(problem: Problem, candidate: Candidate) -> Candidate:
     finer = [residual_of(problem, recording, fitted.point, k) for k, recording in enumerate(problem.train)]
     pairs = zip(finer, fitted.residuals, strict=True)
     if sum(float(np.sum(whitened(one - other, candidate.noises) ** 2)) for one, other in pairs) > TIE:
-        return _gone_on(problem, candidate, candidate.noises)
+        return _gone_on(problem, fitted, candidate.noises)
     engine.hasten(coarse)
     return candidate
 

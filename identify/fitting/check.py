@@ -21,6 +21,7 @@ class Check:
     """`look` returns a sentence for each thing found, none where all is sound.
 
     `silences` names the checks that are not asked where this one has found something: they would see its consequences.
+    So do those that `silenced_by` names to this one, which knows what its finding may follow from.
     `refuses` names the verbs that cannot go on beside it: what is found is of the log, whatever the plant.
     """
 
@@ -29,3 +30,4 @@ class Check:
     silences: tuple[str, ...]
     needs_fit: bool
     refuses: tuple[str, ...] = ()
+    silenced_by: tuple[str, ...] = ()

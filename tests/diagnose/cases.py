@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +99,61 @@ def logged(folder: Path, project: str, head: str, *columns: NDArray[np.float64])
     file = folder / "project.toml"
     file.write_text(project, encoding="utf-8")
     return file
+
+
+class Motor(NamedTuple):
+    """A motor of one constant, of which a log holds voltage and speed."""
+
+    resistance: float  # ohm
+    inductance: float  # H
+    constant: float  # V s/rad and N m/A
+    inertia: float  # kg m^2
+    friction: float  # N m s/rad
+
+
+MOTOR_PROJECT = """schema = 1
+name = "motor"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "dc_motor"
+input = "voltage_V"
+outputs = ["speed_rad_s"]
+[plant.parameters]
+R_ohm = {{ value = {0.resistance}, free = false }}
+L_H = {{ value = {0.inductance}, free = false }}
+ke_V_s_rad = {{ value = {1}, free = true }}
+kt_N_m_A = {{ value = {0.constant}, free = false }}
+J_kg_m2 = {{ value = {2}, free = true }}
+b_N_m_s_rad = {{ value = {3}, free = true }}
+"""
+
+
+def turned(
+    folder: Path,
+    motor: Motor,
+    told: tuple[float, float, float],
+    drive: NDArray[np.float64],
+    pull: Callable[[float], float],
+    noise: NDArray[np.float64],
+) -> Path:
+    """Log a motor's speed from rest, each voltage held for 1 ms; return the project file, with ke, J and b as `told`.
+
+    `pull` is the torque at an angle that holds the shaft back.
+    """
+    step, fine = 1e-3, 20
+    current = speed = angle = 0.0
+    read = np.empty(len(drive))
+    for k, voltage in enumerate(drive):
+        read[k] = speed
+        for _ in range(fine):
+            rise = (voltage - motor.resistance * current - motor.constant * speed) / motor.inductance
+            push = motor.constant * current - motor.friction * speed - pull(angle)
+            current += step / fine * rise
+            speed += step / fine * push / motor.inertia
+            angle += step / fine * speed
+    head = "time_s,voltage_V,speed_rad_s"
+    return logged(folder, MOTOR_PROJECT.format(motor, *told), head, step * np.arange(len(drive)), drive, read + noise)
 
 
 def problem_of(project: Path) -> Problem:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 from firmloop.identify.error import IdentifyError
@@ -22,13 +23,18 @@ from firmloop.identify.simulation.simulate import drive_of, measured
 def checks() -> tuple[Check, ...]:
     """Every check of this folder; one that silences others comes before them."""
     names = [found.name for found in pkgutil.iter_modules(__path__)]
-    found = {name: importlib.import_module(f"{__name__}.{name}").CHECK for name in names}
+    every = [importlib.import_module(f"{__name__}.{name}").CHECK for name in names]
+    found = {each.name: replace(each, silences=_silenced(each, every)) for each in every}
     ordered: list[Check] = []
     while found:
         free = [name for name in found if not any(name in other.silences for other in found.values())]
         assert free, "two checks silence each other"
         ordered += [found.pop(name) for name in sorted(free)]
     return tuple(ordered)
+
+
+def _silenced(check: Check, every: Sequence[Check]) -> tuple[str, ...]:
+    return (*check.silences, *(other.name for other in every if check.name in other.silenced_by))
 
 
 def refuse(evidence: Evidence, verb: str) -> None:

@@ -57,8 +57,5 @@ def _converted(recording: Recording, factor: float) -> Recording:
 
 
 CHECK = Check(
-    "clock_unit",
-    look,
-    ("sign", "scale", "motor_constants", "early", "far_from_given", "rest", "drift", "structure", "excitation"),
-    False,
+    "clock_unit", look, ("sign", "scale", "motor_constants", "early", "rest", "drift", "structure", "excitation"), False
 )

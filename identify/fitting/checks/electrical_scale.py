@@ -140,9 +140,5 @@ def says(plant: Plant, quantity: str, factor: float) -> str:
 
 
 CHECK = Check(
-    "electrical_scale",
-    look,
-    ("scale", "far_from_given", "rest", "drift", "structure", "excitation"),
-    False,
-    ("identify", "diagnose"),
+    "electrical_scale", look, ("scale", "rest", "drift", "structure", "excitation"), False, ("identify", "diagnose")
 )

@@ -38,7 +38,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         return _levels(plant, free, drives) or _poorly(evidence)
     lines = max(frequencies(drive) for drive in drives)
     needed = -(-free // (2 * len(plant.outputs)))
-    stepped = any(steps(drive) for drive in drives)
+    stepped = any(_steps(drive) for drive in drives)
     # What moves by itself, as a decay does, is judged by its intervals.
     if lines < needed and not still and not stepped:
         return (
@@ -81,7 +81,7 @@ def frequencies(drive: Array) -> int:
     return -(-int(np.sum(power > _SEEN * power.max())) // _WIDTH)
 
 
-def steps(drive: Array) -> bool:
+def _steps(drive: Array) -> bool:
     """Tell whether an input (n,) goes most of its way in one row: a step holds every frequency, wherever it stands."""
     return float(np.max(np.abs(np.diff(drive)), initial=0.0)) > _A_STEP * float(np.ptp(drive)) > 0.0
 

@@ -47,4 +47,20 @@ def _far(found: Parameter, given: float) -> bool:
     return abs(math.log(abs(found.value / given))) > _FAR and found.deviation < _FIRM * abs(found.value)
 
 
-CHECK = Check("far_from_given", look, (), True)
+CHECK = Check(
+    "far_from_given",
+    look,
+    (),
+    True,
+    silenced_by=(
+        "clock_unit",
+        "electrical_scale",
+        "lost_rows",
+        "motor_constants",
+        "scale",
+        "sign",
+        "spikes",
+        "swapped",
+        "three_phases",
+    ),
+)

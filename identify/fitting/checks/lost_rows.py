@@ -19,18 +19,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
 CHECK = Check(
     "lost_rows",
     look,
-    (
-        "clock_unit",
-        "sign",
-        "scale",
-        "motor_constants",
-        "far_from_given",
-        "rest",
-        "drift",
-        "structure",
-        "spikes",
-        "excitation",
-    ),
+    ("clock_unit", "sign", "scale", "motor_constants", "rest", "drift", "structure", "spikes", "excitation"),
     False,
     ("diagnose",),
 )

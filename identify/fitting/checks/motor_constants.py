@@ -126,4 +126,4 @@ def _known(parameter: Parameter, evidence: Evidence) -> bool:
     return parameter.deviation < _WIDEST * parameter.value
 
 
-CHECK = Check("motor_constants", look, ("scale", "far_from_given", "rest"), False)
+CHECK = Check("motor_constants", look, ("scale", "rest"), False)

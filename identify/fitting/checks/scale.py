@@ -169,4 +169,4 @@ def _looks(evidence: Evidence, name: str, factor: float, unit: str | None) -> st
     return "a unit or a nominal value is wrong; give the column its unit in [recordings.rename]"
 
 
-CHECK = Check("scale", look, ("far_from_given", "rest", "drift", "structure", "excitation"), False)
+CHECK = Check("scale", look, ("rest", "drift", "structure", "excitation"), False)

@@ -68,9 +68,4 @@ def _has_no_sign(real: Array, model: Array) -> bool:
     return both and alike(real, np.abs(model))[0] > _FOLLOWS
 
 
-CHECK = Check(
-    "sign",
-    look,
-    ("scale", "motor_constants", "early", "far_from_given", "rest", "drift", "structure", "excitation"),
-    False,
-)
+CHECK = Check("sign", look, ("scale", "motor_constants", "early", "rest", "drift", "structure", "excitation"), False)

@@ -171,7 +171,7 @@ def _said(recording: Recording, name: str, rows: Rows) -> str:
 CHECK = Check(
     "spikes",
     look,
-    ("far_from_given", "rest", "drift", "structure", "scale", "motor_constants", "excitation"),
+    ("rest", "drift", "structure", "scale", "motor_constants", "excitation"),
     False,
     ("diagnose",),
 )

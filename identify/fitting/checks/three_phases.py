@@ -278,7 +278,7 @@ def _angle(recording: Recording, pairs: float) -> str:
 CHECK = Check(
     "three_phases",
     look,
-    ("electrical_scale", "far_from_given", "sign", "scale", "structure", "excitation", "rest", "drift"),
+    ("electrical_scale", "sign", "scale", "structure", "excitation", "rest", "drift"),
     False,
     ("identify", "diagnose"),
 )

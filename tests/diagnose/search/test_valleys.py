@@ -9,55 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.diagnose.blind_cases import draw_case
-from tests.diagnose.cases import logged, said_of, shortened, written
+from tests.diagnose.cases import Motor, said_of, shortened, turned, written
 
 Array = NDArray[np.float64]
-STEP, FINE = 1e-3, 20
-PROJECT = """schema = 1
-name = "motor"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "dc_motor"
-input = "voltage_V"
-outputs = ["speed_rad_s"]
-[plant.parameters]
-R_ohm = {{ value = {0}, free = false }}
-L_H = {{ value = {1}, free = false }}
-ke_V_s_rad = {{ value = {3}, free = true }}
-kt_N_m_A = {{ value = {2}, free = false }}
-J_kg_m2 = {{ value = {4}, free = true }}
-b_N_m_s_rad = {{ value = {5}, free = true }}
-"""
+COGS = (0.0236, 10.0, -0.47)  # N m, a turn, rad
 
 
-def _turned(drive: Array, motor: tuple[float, ...], cogging: tuple[float, float, float]) -> Array:
-    """Return the speed of a motor (R, L, k, J, b) that cogs, each voltage held for a row, from rest."""
-    resistance, inductance, constant, inertia, friction = motor
-    size, count, phase = cogging
-    current = speed = angle = 0.0
-    read = np.empty(len(drive))
-    for k, voltage in enumerate(drive):
-        read[k] = speed
-        for _ in range(FINE):
-            rise = (voltage - resistance * current - constant * speed) / inductance
-            push = constant * current - friction * speed - size * np.sin(count * angle + phase)
-            current += STEP / FINE * rise
-            speed += STEP / FINE * push / inertia
-            angle += STEP / FINE * speed
-    return read
-
-
-MOTOR = (3.85, 0.0128, 0.0985, 4.24e-4, 1.36e-4)
-COGS = (0.0236, 10.0, -0.47)
-
-
-def _cogging(folder: Path, drive: Array, noise: float, rng: np.random.Generator) -> dict[str, Any]:
+def _cogging(folder: Path, drive: Array, noise: Array) -> dict[str, Any]:
     """Diagnose the noisy speed of a motor that cogs; return what diagnosis.json would hold."""
-    speed = _turned(drive, MOTOR, COGS) + noise * rng.normal(size=len(drive))
-    text = PROJECT.format(*MOTOR[:3], 0.0995, 4.1e-4, 1.3e-4)
-    head = "time_s,voltage_V,speed_rad_s"
-    return said_of(logged(folder, text, head, STEP * np.arange(len(drive)), drive, speed))
+    size, count, phase = COGS
+    motor, told = Motor(3.85, 0.0128, 0.0985, 4.24e-4, 1.36e-4), (0.0995, 4.1e-4, 1.3e-4)
+    return said_of(turned(folder, motor, told, drive, lambda angle: size * np.sin(count * angle + phase), noise))
 
 
 def test_a_wave_follows_the_simulated_angle_where_that_passes_the_same_crests(tmp_path: Path) -> None:
@@ -65,7 +27,7 @@ def test_a_wave_follows_the_simulated_angle_where_that_passes_the_same_crests(tm
     rng, rows = np.random.default_rng(7), 2400
     drive = 12.0 * np.repeat(np.sin(2.4 * np.arange(14) + rng.uniform(0.0, 6.0)), rows // 13)[:rows]
     drive[:10] = 0.0
-    said = _cogging(tmp_path, drive, 0.18, rng)
+    said = _cogging(tmp_path, drive, 0.18 * rng.normal(size=rows))
     (effect,) = said["effects"]
     assert effect["name"] == "cogging_torque"
     for name, true in zip(("amplitude_N_m", "periods_per_rev", "phase_rad"), COGS, strict=True):
@@ -78,7 +40,7 @@ def test_rows_left_out_are_simulated_from_where_the_recording_began(tmp_path: Pa
     rng, rows = np.random.default_rng(2), 2000
     drive = np.repeat(rng.uniform(-7.0, 7.0, rows), rng.integers(20, 80, rows))[:rows]
     drive[:10] = 0.0
-    said = _cogging(tmp_path, drive, 0.18, rng)
+    said = _cogging(tmp_path, drive, 0.18 * rng.normal(size=rows))
     assert said["verdict"] == "explained"
     assert [each["name"] for each in said["effects"]] == ["cogging_torque"]
 

@@ -335,6 +335,7 @@ def test_every_check_is_found_and_silences_checks_there_are():
     assert len(names) == len(set(names)) >= 8
     for check in checks():
         assert set(check.silences) <= set(names), check.name
+        assert set(check.silenced_by) <= set(names), check.name
 
 
 def test_parameters_that_one_output_only_tells_together_are_named_together(tmp_path, capsys):

@@ -205,6 +205,22 @@ def test_a_key_of_another_kind_is_refused_with_those_there_are():
         make_plant("dc_motor", "voltage_V", ["speed_rad_s"], {**MOTOR, "output_at_rest": 1.0})
 
 
+def test_a_value_far_below_its_interval_is_printed_as_it_was_fitted(tmp_path, capsys):
+    """Noise that neither a gain nor an offset could take up leaves the offset that is there, 10 uN."""
+    random = np.random.default_rng(8)
+    duty = random.uniform(-10.0, 10.0, 400)
+    held, noise = np.concatenate([duty[:1], duty[:-1]]), random.normal(0.0, 0.1, 400)
+    shapes = np.column_stack([held, np.ones(400)])[1:]
+    noise[1:] -= shapes @ np.linalg.lstsq(shapes, noise[1:], rcond=None)[0]
+    force = 2.0 * held + 1e-5 + noise
+    rows = [f"{0.1 * k:.1f},{u!r},{y!r}" for k, (u, y) in enumerate(zip(duty.tolist(), force.tolist(), strict=True))]
+    (tmp_path / "r.csv").write_text("\n".join(["time_s,duty,force_N", *rows, ""]), encoding="utf-8")
+    given = 'schema = 1\nname = "a"\n[recordings]\ntrain = ["r.csv"]\n[plant]\nkind = "static"\ninput = "duty"\n'
+    (tmp_path / "p.toml").write_text(given + 'outputs = ["force_N"]\n', encoding="utf-8")
+    assert main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "fit")]) == 0
+    assert "offset  1.0e-05" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(("commands", "says"), [((-200.0, 200.0), True), ((-200.0, -90.0, 10.0, 60.0, 150.0), False)])
 def test_a_curve_without_memory_is_told_by_levels_and_not_by_frequencies(tmp_path, capsys, commands, says):
     command = np.repeat(commands, 200)
