@@ -232,21 +232,21 @@ _QUBE_FILES = tuple(sorted(path.name for path in (ROOT / "qube_servo_pendulum").
 
 MACHINES = (
     Machine(
-        "emps", ("train.csv.gz",), ("test_pulses.csv.gz",), EMPS, "mm", 0.50,
+        "emps", ("train.csv.gz",), ("test_pulses.csv.gz",), EMPS, "mm", 0.20,
         ("asymmetric_friction", "coulomb_friction"), (), linked, windowed("position_m", 1e3, 0.5),
     ),
     Machine(
-        "silverbox", ("multisine_train.csv.gz",), ("arrow_test.csv.gz",), SILVERBOX, "mV", 0.40,
+        "silverbox", ("multisine_train.csv.gz",), ("arrow_test.csv.gz",), SILVERBOX, "mV", 0.31,
         ("hardening_spring",), (), linked, whole("output_V", 1e3),
     ),
     Machine(
-        "cascaded_tanks", ("train.csv",), ("test.csv",), TANKS, "V", 0.34,
+        "cascaded_tanks", ("train.csv",), ("test.csv",), TANKS, "V", 0.33,
         ("overflow",), (), linked, whole("level_sensor_V", 1.0),
     ),
     Machine(
         "dynamixel_xl330_pendulum",
         _SERVO_TRAIN, _SERVO_TEST,
-        SERVO, "rad", 0.095, ("load_dependent_friction",), (), with_gain, whole("position_rad", 1.0),
+        SERVO, "rad", 0.085, ("load_dependent_friction",), (), with_gain, whole("position_rad", 1.0),
     ),
     Machine(
         "ball_and_hoop_dc_motor", ("randomStepSequence.csv",), ("fixedStepSequence.csv",), HOOP, "V", 0.30,

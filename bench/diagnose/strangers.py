@@ -7,7 +7,7 @@ drag, springs, limits, weights and second bodies over a spring or a gap; its act
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 ROWS = 3000
 NULLS = 0.4  # share of the cases
 _COPPER = 0.00393  # 1/K, copper
+_QUICK = 2e-5  # s; MuJoCo limits what makes torque of a current that goes on: a driver's limit where it follows at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +165,7 @@ def _stribeck(r: Range, size: float, rng: np.random.Generator) -> tuple[Stranger
 
 def _current_limit(r: Range, size: float, rng: np.random.Generator) -> tuple[Stranger, Mapping[str, float]]:
     top = r.stall * (0.8 - 0.6 * size)
-    return Stranger(actuator=f'saturation="0 {top!r} 0"'), {"current_A": top}
+    return Stranger(actuator=f'saturation="0 {top!r} 0"', most=top), {"current_A": top}
 
 
 ANYWHERE: Mapping[str, Draw] = {
@@ -176,7 +177,6 @@ MOTOR_ONLY: Mapping[str, Draw] = {
     "cogging_torque": _cogging, "resistance_heating": _heating, "presliding_friction": _presliding,
     "stribeck_friction": _stribeck, "current_limit": _current_limit,
 }  # fmt: skip
-OUTSIDE = ("current_limit",)
 
 
 def drawn_plant(rng: np.random.Generator) -> Linear:
@@ -230,12 +230,14 @@ def write(seed: int, folder: Path) -> None:
     size = float(10.0 ** rng.uniform(-1.0, 0.0))
     name = "" if rng.random() < NULLS else str(rng.choice(sorted(draws)))
     hidden, told = draws[name](reach, size, rng) if name else (Stranger(), {})
+    if hidden.most < np.inf:
+        plant = replace(plant, parameters={**plant.parameters, "L_H": _QUICK * plant.parameters["R_ohm"]})
     text = document(plant.parameters, hidden)
     clean, added = [], []
     scale = 0.005 * _sizes(plant, drives)
     memories = [drawn_memory(rng) for _ in scale]  # a sensor's is the same in every recording
     for k, drive in enumerate(drives):
-        found = run(text, drive, plant.step, hidden.constant)
+        found = run(text, drive, plant.step, hidden)
         shown = np.stack([found[output] for output in plant.outputs], axis=1)
         clean.append(shown)
         noisy = shown + of_sensors(color, ROWS, rng, plant.step, scale, memories)
@@ -249,9 +251,7 @@ def write(seed: int, folder: Path) -> None:
     rigid = reach.inertia + hidden.armature
     left = _left(plant, drives, np.concatenate(clean), rms, rigid)
     output = None
-    known = name and name not in OUTSIDE
-    all_hidden = (Hidden(name, output, told, same_function(name, plant.outputs), left),) if known else ()
-    outside = name if name in OUTSIDE else ""
+    all_hidden = (Hidden(name, output, told, same_function(name, plant.outputs), left),) if name else ()
     sensors = [each.rsplit("_rad", 1)[0] for each in plant.outputs]
     about: dict[str, Any] = {
         "machine": "motor" if reach.motor else "stage",
@@ -261,7 +261,7 @@ def write(seed: int, folder: Path) -> None:
     about = {**about, "sensors": sensors, "size": size, "train": count, "test": 0, "linear_leaves": left}
     named = dict(zip(plant.outputs, rms.tolist(), strict=True))
     nominal = {**plant.parameters, "J_kg_m2": rigid}
-    write_truth(Truth("strangers", seed, all_hidden, outside, left if outside else 0.0, nominal, named, about), folder)
+    write_truth(Truth("strangers", seed, all_hidden, "", 0.0, nominal, named, about), folder)
 
 
 def _sizes(plant: Linear, drives: Sequence[Array]) -> Array:

@@ -25,6 +25,7 @@ class Stranger:
     gravity: float = 0.0  # m/s^2
     arm: tuple[float, float] = (0.0, 0.0)  # m, to a mass whose weight pulls
     constant: float = 0.0  # N m, against the motion
+    most: float = np.inf  # A, at which the current is cut
 
 
 def document(values: Mapping[str, float], hidden: Stranger) -> str:
@@ -63,7 +64,7 @@ def _ball(inertia: float) -> str:
     return " ".join([repr(float(inertia))] * 3)
 
 
-def run(text: str, drive: Array, step: float, constant: float) -> Mapping[str, Array]:
+def run(text: str, drive: Array, step: float, hidden: Stranger) -> Mapping[str, Array]:
     """Return current (where there is one), speed and position (n,) from rest, read just before `drive` (n,) acts."""
     import mujoco
     from mujoco import rollout
@@ -76,11 +77,11 @@ def run(text: str, drive: Array, step: float, constant: float) -> Mapping[str, A
     mujoco.mj_getState(model, data, start, whole)
     commands = np.zeros((1, len(drive) * every, model.nu))
     commands[0, :, 0] = np.repeat(drive, every)
-    commands[0, :, 1] = -constant
+    commands[0, :, 1] = -hidden.constant
     states, _ = rollout.rollout(model, data, start[None, :], commands)
     seen = np.concatenate([start[None, :], states[0, every - 1 : -1 : every]])
     speed = 1 + model.nq
     found = {"position_rad": seen[:, 1], "speed_rad_s": seen[:, speed]}
     if model.na:
-        found["current_A"] = seen[:, speed + model.nv + model.na - 1]
+        found["current_A"] = np.clip(seen[:, speed + model.nv + model.na - 1], -hidden.most, hidden.most)
     return found

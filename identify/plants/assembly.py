@@ -44,7 +44,10 @@ class EffectTerm:
 
 @dataclass(frozen=True, slots=True)
 class StickingState:
-    """A state that can stick: a friction at zero, or a level at its limit with `share` of the excess passed `to`."""
+    """A state that can stick: a friction at zero, or a level at its limit with `share` of the excess passed `to`.
+
+    A friction's level counts `per`; of a limit it is the side on which that is: 1 above, -1 below.
+    """
 
     what: int
     row: int
@@ -177,6 +180,11 @@ class Assembly:
         """Keep a state at or below `limit`; `share` of its blocked rate goes to the balance's `to`."""
         to = self.plant.balances[balance].to
         self.coordinates.append(StickingState(LIMIT, self.row[balance], 1.0, limit, to, share))
+
+    def add_limits(self, balance: int, size: float) -> None:
+        """Keep a state within -`size` and `size`."""
+        for side in (1.0, -1.0):
+            self.coordinates.append(StickingState(LIMIT, self.row[balance], side, side * size, -1, 0.0))
 
     def map_output(self, output: int, code: str, constants: tuple[float, ...]) -> None:
         """Replace an output by code(...) of it."""

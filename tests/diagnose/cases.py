@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
@@ -109,6 +110,8 @@ class Motor(NamedTuple):
     constant: float  # V s/rad and N m/A
     inertia: float  # kg m^2
     friction: float  # N m s/rad
+    limit: float = math.inf  # A, of its driver
+    brakes: bool = True  # whether that lets current through against its voltage
 
 
 MOTOR_PROJECT = """schema = 1
@@ -149,7 +152,9 @@ def turned(
         for _ in range(fine):
             rise = (voltage - motor.resistance * current - motor.constant * speed) / motor.inductance
             push = motor.constant * current - motor.friction * speed - pull(angle)
-            current += step / fine * rise
+            current = min(max(current + step / fine * rise, -motor.limit), motor.limit)
+            if not motor.brakes and current * voltage <= 0.0:
+                current = 0.0
             speed += step / fine * push / motor.inertia
             angle += step / fine * speed
     head = "time_s,voltage_V,speed_rad_s"

@@ -190,7 +190,7 @@ static void set_out(run_t *run, const problem_t *k, const double *x0) {
     for (int c = 0; c < k->coordinates; ++c) {
         const coordinate_t *held = &k->coordinate[c];
         const double value = run->x[held->row];
-        run->s[c] = held->what == LIMIT ? value < held->limit : (value > 0.0) - (value < 0.0);
+        run->s[c] = held->what == LIMIT ? held->per * (value - held->limit) < 0.0 : (value > 0.0) - (value < 0.0);
     }
     const int memory = remembering(k);
     run->m[1] = memory >= 0 ? place_of(run, &k->term[memory]) : 0.0;

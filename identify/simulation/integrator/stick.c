@@ -1,7 +1,7 @@
 /* stick.c -- evaluates what is not linear, and decides when a coordinate sticks, goes or turns round.
  *
  * A friction is set-valued: its coordinate (a speed, a current) has a direction s = -1 or +1, or it sticks, and then its
- * row of A and N is zero. A level at its limit is the same with one side only.
+ * row of A and N is zero. A level at its limit is the same with one side only, `per`.
  */
 #include "problem.h"
 
@@ -208,7 +208,7 @@ static double level_at(const run_t *run, const double *x, double t, int c, int s
 static double overdue(const run_t *run, const double *x, double t, int c) {
     const coordinate_t *held = &run->k->coordinate[c];
     if (held->what == LIMIT) {
-        return run->s[c] == 0 ? -pull(run, x, t, c) : x[held->row] - held->limit;
+        return run->s[c] == 0 ? -pull(run, x, t, c) : held->per * (x[held->row] - held->limit);
     }
     if (run->s[c] == 0) {
         const double torque = pull(run, x, t, c);

@@ -25,6 +25,8 @@ class Motor:
     voltage: Callable[[State], float] = lambda x: 0.0
     level: Callable[[State, int], float] | None = None  # dry friction, N m
     brush: float = 0.0  # V
+    limit: float = math.inf  # A, of a motor without brushes' drop; at it `flow` is -2 or 2
+    diode: bool = False  # lets current through the way the voltage points; `flow` is 3 where none flows
     current_torque: Callable[[float], float] = lambda i: KT * i
     inverse_inductance: Callable[[float], float] = lambda i: 1.0 / L
     extra: Callable[[State], State] = lambda x: [0.0, 0.0, 0.0]
@@ -36,8 +38,10 @@ class Motor:
         if self.level is not None:
             push = 0.0 if way == 0 else push - way * self.level(x, way)
         drop = self.drive(x, u) - flow * self.brush
-        if self.brush and flow == 0:
+        if (self.brush and flow == 0) or abs(flow) >= 2:
             drop = 0.0
+        if self.diode and flow * u <= 0.0 < flow * (u - KE * x[1]):
+            drop = -R * x[0]  # no switch is closed that way: what still flows dies away
         return [drop * self.inverse_inductance(x[0]), push / J, x[1], *self.extra(x)]
 
     def pull(self, x: State, t: float, way: int) -> float:
@@ -89,6 +93,10 @@ class Motor:
     def crossed(self, x: State, u: float, t: float, way: int, flow: int) -> bool:
         if self.level is not None and (way * x[1] < 0.0 if way else self.breaks(x, t) != 0):
             return True
+        if self.limit < math.inf:
+            return flow * self.drive(x, u) < 0.0 if flow else abs(x[0]) > self.limit
+        if self.diode:
+            return self.drive(x, u) * u > 0.0 if flow == 3 else flow * x[0] < 0.0
         return bool(self.brush) and (flow * x[0] < 0.0 if flow else abs(self.drive(x, u)) > self.brush)
 
     def breaks(self, x: State, t: float) -> int:
@@ -102,13 +110,26 @@ class Motor:
             way = self.breaks(x, t)
         if self.brush and flow == 0 and abs(self.drive(x, u)) > self.brush:
             flow = 1 if self.drive(x, u) > 0.0 else -1
-        return way, flow
+        return way, self.through(x, u, flow)
+
+    def through(self, x: State, u: float, flow: int) -> int:
+        if not self.diode or x[0] != 0.0:
+            return flow
+        push = self.drive(x, u)
+        return 3 if push * u <= 0.0 else (1 if push > 0.0 else -1)
 
     def turn(self, x: State, u: float, t: float, way: int, flow: int) -> tuple[int, int]:
         if self.level is not None and (way * x[1] <= 0.0 if way else self.breaks(x, t) != 0):
             x[1] = 0.0
             self.on_turn(x, way)
             way = self.breaks(x, t)
+        if self.limit < math.inf:
+            side = 1 if x[0] > 0.0 else -1
+            x[0] = min(max(x[0], -self.limit), self.limit)
+            flow = 2 * side if abs(x[0]) == self.limit and side * self.drive(x, u) > 0.0 else 0
+        if self.diode:
+            x[0] = 0.0 if flow == 3 or flow * x[0] <= 0.0 else x[0]
+            flow = self.through(x, u, flow)
         if self.brush and (flow * x[0] <= 0.0 if flow else abs(self.drive(x, u)) > self.brush):
             x[0] = 0.0
             push = self.drive(x, u)

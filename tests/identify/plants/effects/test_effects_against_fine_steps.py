@@ -185,6 +185,8 @@ CASES = {
         ),
     ),
     "brush_drop": Case({"voltage_V": 0.5}, lambda: Motor(brush=0.5)),
+    "current_limit": Case({"current_A": 1.2}, lambda: Motor(limit=1.2)),
+    "freewheeling": Case({"share": 1.0}, lambda: Motor(diode=True)),
     "inductance_saturation": Case(
         {"current_A": 2.0},
         lambda: Motor(inverse_inductance=lambda i: (1.0 + (i / 2.0) ** 2) / L),

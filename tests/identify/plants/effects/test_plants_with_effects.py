@@ -55,7 +55,7 @@ def driven(plant: Plant, size: float, rows: int = 600, seed: int = 4) -> Recordi
 
 
 def test_the_library_holds_the_contract() -> None:
-    assert len(effects()) == EFFECTS_OF_CONTRACT + 11, "capacitor, iron, bridges, axes of AC motors, two stops too"
+    assert len(effects()) == EFFECTS_OF_CONTRACT + 13, "capacitor, iron, bridges, AC axes, drivers, two stops too"
     for effect in effects().values():
         assert effect.says and effect.experiment and effect.term
         assert all(name in effects() for name in effect.confusable_with), effect.name
