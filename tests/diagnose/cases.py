@@ -32,7 +32,7 @@ from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
 from tests.conftest import Once
 
-SHORT = 2000  # rows, of 5000: a diagnosis takes in proportion to them
+SHORT = 1500  # rows, of 5000: a diagnosis takes in proportion to them
 BY_NAME = {machine.name: machine for machine in MACHINES}
 
 

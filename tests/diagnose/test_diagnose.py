@@ -71,7 +71,7 @@ def test_single_effects_are_named(tmp_path: Path, name: str) -> None:
 def test_no_next_candidate_is_one_that_the_recordings_cannot_test(tmp_path: Path) -> None:
     """A shaft that turns one way, and rests at times: a load is friction to it, as long as it turns."""
     rng, step, speed, turning = np.random.default_rng(24), 0.02, [], 3.0
-    drive = np.repeat(rng.choice([0.25, 0.36, 0.44], 300), rng.integers(2, 30, 300))[:2500]
+    drive = np.repeat(rng.choice([0.25, 0.36, 0.44], 300), rng.integers(2, 30, 300))[:1500]
     for torque in drive:
         speed.append(turning + rng.normal(0.0, 0.03))
         for _ in range(20):

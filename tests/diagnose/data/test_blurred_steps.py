@@ -35,7 +35,7 @@ def test_a_sensor_in_steps_is_named_and_makes_no_simulation_worse(tmp_path: Path
 
 def test_what_wide_steps_round_off_is_noise_however_slowly_it_moves(tmp_path: Path) -> None:
     """A scale as wide as a third of the way: what it rounds off follows the motion, and no effect."""
-    path = shortened(without_tests(laid(tmp_path, simulated(draw_case, 1170004, "pair"))), 3000)
+    path = shortened(without_tests(laid(tmp_path, simulated(draw_case, 1170004, "pair"))), 1500)
     said = said_of(path)
     assert [each["name"] for each in said["effects"]] == ["sensor_quantization"], said["says"]
     resolution = said["effects"][0]["parameters"]["resolution_m"]["value"]

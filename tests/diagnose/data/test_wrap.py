@@ -7,22 +7,24 @@ from pathlib import Path
 import pytest
 
 from bench.diagnose.blind_cases import draw_case
-from tests.diagnose.cases import drawn, said_of
+from tests.diagnose.cases import SHORT, drawn, said_of, shortened
+
+WHOLE = 5000  # rows of a case
 
 
 @pytest.mark.parametrize(
-    "seed",
+    ("seed", "rows"),
     [
-        pytest.param(32069, id="a quick current", marks=pytest.mark.slow),
-        pytest.param(31020, id="a speed"),
-        pytest.param(160018, id="quick up and slow down", marks=pytest.mark.slow),
-        pytest.param(240075, id="a current whose nominal plant says too little of it", marks=pytest.mark.slow),
+        pytest.param(32069, WHOLE, id="a quick current", marks=pytest.mark.slow),
+        pytest.param(31020, SHORT, id="a speed"),
+        pytest.param(160018, WHOLE, id="quick up and slow down", marks=pytest.mark.slow),
+        pytest.param(240075, WHOLE, id="a current whose nominal plant says too little of it", marks=pytest.mark.slow),
     ],
 )
-def test_wraps_are_read_off(tmp_path: Path, seed: int) -> None:
+def test_wraps_are_read_off(tmp_path: Path, seed: int, rows: int) -> None:
     (hidden,) = draw_case(seed).hidden
     assert hidden.name == "sensor_wrap"
-    said = said_of(drawn(tmp_path, seed))
+    said = said_of(shortened(drawn(tmp_path, seed), rows))
     assert said["verdict"] == "explained"
     (effect,) = said["effects"]
     assert effect["name"] == "sensor_wrap"

@@ -99,7 +99,7 @@ def test_a_shape_that_unseen_recordings_contradict_is_a_disturbance(tmp_path: Pa
     "seed",
     [
         pytest.param(955006, id="a load of either run by chance, and a law that holds it"),
-        pytest.param(955031, id="a wave along the way that foresees nothing"),
+        pytest.param(955031, id="a wave along the way that foresees nothing", marks=pytest.mark.slow),
     ],
 )
 def test_a_random_force_is_neither_a_law_nor_an_effect(seed: int, tmp_path: Path) -> None:

@@ -100,6 +100,7 @@ def test_lines_through_random_walks_are_as_uncertain_as_many_of_them_show() -> N
     assert np.mean(rest) == pytest.approx(left, rel=0.1)
 
 
+@pytest.mark.slow  # that of one that follows the simulated angle: tests/diagnose/search/test_valleys.py
 def test_the_interval_of_a_wave_that_follows_a_noisy_speed_holds_its_periods(tmp_path: Path) -> None:
     case = replace(draw_case(1140034, "single"), seed=2)  # eight periods a turn; the angle is off by half a period
     said = said_of(without_tests(laid(tmp_path, simulated(lambda: case))))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.diagnose.cases import diagnosis, logged
+from tests.diagnose.cases import logged, said_of
 
 PROJECT = """schema = 1
 name = "oven"
@@ -35,7 +35,7 @@ def test_a_gain_that_is_far_from_its_start_is_found_and_told(tmp_path: Path) -> 
         warm += (1.0 - np.exp(-step / 0.5)) * (gain * drive[k] - warm)
     noisy = read + rng.normal(0.0, 0.01 * gain, rows)
     project = logged(tmp_path, PROJECT, "time_s,voltage_V,temperature_C", step * np.arange(rows), drive, noisy)
-    _, said = diagnosis(project, tmp_path / "out")
+    said = said_of(project)
     assert said["verdict"] == "no_mismatch" and not said["effects"], said["says"]
     assert said["shifts"]["gain"]["refit"] == pytest.approx(gain, rel=1e-2)
     assert said["fit"]["train"]["refit"] < 1.1
@@ -50,6 +50,6 @@ def test_a_gain_that_the_project_gives_no_value_is_not_told_as_so_many_times_it(
         'schema = 1\nname = "damper"\n[recordings]\ntrain = ["log.csv"]\n[plant]\nkind = "static"\n'
         'input = "speed_m_s"\noutputs = ["force_N"]\n'
     )
-    _, said = diagnosis(logged(tmp_path, text, "time_s,speed_m_s,force_N", time, speed, force), tmp_path / "out")
+    said = said_of(logged(tmp_path, text, "time_s,speed_m_s,force_N", time, speed, force))
     assert "input_saturation" in {each["name"] for each in said["effects"]}, said["says"]
     assert not any("what the project gives" in each for each in said["says"]), said["says"]

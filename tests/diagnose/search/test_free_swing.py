@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.diagnose.cases import diagnosis
+from tests.diagnose.cases import said_of
 
 INERTIA = 0.01  # kg m^2
 PROJECT = """schema = 1
@@ -61,7 +61,7 @@ def _swing(folder: Path, stiffness: float, friction: float, pendulum: bool, rows
 def test_a_free_swing_tells_its_dry_friction(
     stiffness: float, friction: float, pendulum: bool, rows: int, step: float, tmp_path: Path
 ) -> None:
-    _, said = diagnosis(_swing(tmp_path, stiffness, friction, pendulum, rows, step), tmp_path / "out")
+    said = said_of(_swing(tmp_path, stiffness, friction, pendulum, rows, step))
     assert [each["name"] for each in said["effects"]] == (["coulomb_friction"] if friction else []), said["says"]
     assert said["verdict"] == ("explained" if friction else "no_mismatch")
     if friction:
