@@ -119,6 +119,7 @@ class Scales:
     begin: float  # s, first row of all recordings
     end: float  # s, last row
     slew: float  # largest change of the input from row to row, over the sample time
+    fall: float  # by which the size of the input falls after a larger one, at the most
     level: float  # of the state an overflow acts on
 
     def times(self, rows: float) -> tuple[float, ...]:

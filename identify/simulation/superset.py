@@ -224,6 +224,8 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         low, high = min(low, float(column.min())), max(high, float(column.max()))
         see("input", course.drive[:, 0])
         see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
+        size = np.abs(course.drive[:, 0])
+        see("fall", np.maximum.accumulate(size) - size)
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
         see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
         if not np.any(course.drive):  # what moves by itself is driven by what slows it down
@@ -269,6 +271,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         begin=min(float(recording.time[0]) for recording in recordings),
         end=max(float(recording.time[-1]) for recording in recordings),
         slew=sizes.get("slew", 1.0),
+        fall=peaks.get("fall", 0.0),
         level=sizes.get("level", 1.0),
     )
 

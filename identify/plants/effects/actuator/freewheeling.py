@@ -6,6 +6,8 @@ from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site
 from firmloop.identify.plants.plant import Plant
 
+_FALLS = 0.02  # of the largest input: what only rises drives all the time
+
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants; of a motor it is the share of the driver's braking, of a lag that of all, unknown."""
@@ -15,6 +17,11 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
     return ((0.4,), (0.8,)) if site.lag else ((1.0,),)
+
+
+def possible(scales: Scales) -> bool:
+    """Tell whether the input ever falls, so that the motor may be faster than it."""
+    return scales.fall > _FALLS * scales.input
 
 
 def fits(plant: Plant) -> bool:
@@ -63,6 +70,7 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    possible=possible,
     fits=fits,
     unmet="the driver does not brake; a reference that falls no faster than the machine runs out stays met",
     coordinate="braking",
