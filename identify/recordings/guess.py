@@ -38,6 +38,8 @@ _QUANTITIES: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
 )
 # A unit that says by itself which quantity it is of, where the name does not.
 _BY_UNIT = ("current_A", "speed_rad_s", "position_rad", "temperature_C", "torque_N_m", "force_N")
+# In kg, g or lb a force has to be called one: what stands on a scale is a mass, a tank's level as often as not.
+_MASS = "kg"
 # Of these, g is the acceleration of gravity, and no gram of force.
 _ACCELERATIONS = frozenset(
     "acc accel acceleration accx accy accz ax ay az vibration vib beschleunigung aceleracion aceleracao accelerazione "
@@ -61,7 +63,7 @@ _ANSWERS = frozenset(
     "y sensor tacho measured meas measurement actual feedback process pv ist istwert response level speed velocity vel "
     "omega rpm position pos angle theta temperature temp pressure flow estimate counts ticks encoder drehzahl vitesse "
     "winkel weg temperatur druck angulo angolo velocidad velocidade velocita posicion posicao posizione temperatura "
-    "thrust".split()
+    "thrust mass weight scale balance masse gewicht waage poids peso".split()
 )
 # Which way a column leans whose words say nothing of it, such as those of another language.
 _BY_QUANTITY = {
@@ -250,6 +252,8 @@ def _quantity(foreign: str, unit: str) -> str:
         fits = [name for name in names if name and _converts(unit, unit_of(name))]
         if fits:
             return fits[0]
+    if _converts(unit, _MASS):
+        return ""
     return next((name for name in _BY_UNIT if unit and _converts(unit, unit_of(name))), "")
 
 
@@ -294,7 +298,7 @@ def _slug(foreign: str, unit: str, taken: Sequence[str]) -> str:
     return next(name for name in names if name not in taken)
 
 
-_PLAIN_ENDINGS = tuple("V A rad_s rad m m_s C N_m N Pa m3_s kg_s W kg m3 ohm percent".split())
+_PLAIN_ENDINGS = tuple("V A rad_s rad m m_s C N_m kg N Pa m3_s kg_s W m3 ohm percent".split())
 
 
 def _converts(unit: str, wanted: str) -> bool:

@@ -101,3 +101,18 @@ def test_of_a_free_decay_init_says_what_to_write_instead(said: Said) -> None:
     status, shown = said({"t_s": TIME, "hole_open": np.ones(ROWS), "level_m": 0.2 * np.exp(-TIME / 9.0)})
     assert status == 2 and "init cannot tell what moves by itself" in shown
     assert "write its project by hand, with hole_open as plant.input" in shown
+
+
+@pytest.mark.parametrize(
+    ("pump", "scale"), [("pump_pct", "scale_kg"), ("Pumpe [%]", "Gewicht [g]"), ("u_pct", "tank [lb]")]
+)
+def test_what_stands_on_a_scale_is_no_force_that_moves_the_plant(pump: str, scale: str, said: Said) -> None:
+    mass = 2.0 + lagged(PULSE, 0.2, 0.8) + 0.01 * RANDOM.normal(size=ROWS)
+    status, shown = said({"t_s": TIME, pump: PULSE, scale: mass})
+    assert status == 0 and "first_order" in shown and "_percent -> " in shown and "_kg" in shown
+    assert "force" not in shown
+
+
+def test_a_thrust_in_grams_is_a_force(said: Said) -> None:
+    status, shown = said({"t_s": TIME, "esc_us": 1000.0 + PULSE, "thrust [g]": lagged(PULSE, 9.0, 0.8)})
+    assert status == 0 and "-> force_N" in shown
