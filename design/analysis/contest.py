@@ -11,15 +11,15 @@ import numpy.typing as npt
 
 from firmloop.design.analysis.loop import (
     Margins,
-    StepMetrics,
     Trajectory,
     closed_loop,
     disturbed_loop,
     margins,
     noise_gain,
-    step_metrics,
+    slowest_lag,
     step_profile,
 )
+from firmloop.design.analysis.step_metrics import StepMetrics, step_metrics
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
 from firmloop.design.design import Design, Request, check_signals
 from firmloop.design.kinds.pid.kind import GAIN_KEYS, find_wires, room
@@ -140,7 +140,7 @@ def _measured(entry: Entry, plant: Plant, linear: Linear, samples: int, load: fl
     assert entry.design is not None
     law = entry.design.law
     reference = np.full(samples, step_profile(law, linear)[0])
-    pushes = np.zeros(samples), np.full(samples, load)
+    pushes, lag = (np.zeros(samples), np.full(samples, load)), slowest_lag(law, linear)
 
     def measured(moved: Linear) -> tuple[Trajectory, LoadMetrics, float]:
         stepped, pushed = closed_loop(law, moved, reference), disturbed_loop(law, moved, *pushes)
@@ -149,10 +149,11 @@ def _measured(entry: Entry, plant: Plant, linear: Linear, samples: int, load: fl
     def figures(moved: Linear) -> Mapping[str, float]:
         step, pushed, noise = measured(moved)
         answer = {f"load_{name}": value for name, value in figures_of(pushed).items()}
-        return {**figures_of(margins(law, moved), step_metrics(step)), **answer, "noise_gain": noise}
+        return {**figures_of(margins(law, moved), step_metrics(step, lag)), **answer, "noise_gain": noise}
 
     step, pushed, noise = measured(linear)
-    made = replace(entry, step=step_metrics(step), load=pushed, noise_gain=noise, halves=half_widths(plant, figures))
+    halves = half_widths(plant, figures)
+    made = replace(entry, step=step_metrics(step, lag), load=pushed, noise_gain=noise, halves=halves)
     if not step.held_back:
         return made
     unit = law.inputs[reference_and_measurement(law.inputs)[1]].unit

@@ -1,4 +1,4 @@
-"""Close the loop of a law and a linear plant: margins, trajectory, step metrics.
+"""Close the loop of a law and a linear plant: margins and trajectory.
 
 The plant is sampled exactly (`discretize.py`), the law is linearized for the margins (`small_signal.py`) and run as it
 is, limits included, for the trajectory. With C(z) the way from the measurement to the output of the law, the loop is
@@ -19,7 +19,7 @@ import scipy
 from firmloop.design.analysis.small_signal import LinearLaw, linearize_law
 from firmloop.design.discretize import unit_circle
 from firmloop.design.discretize.zero_order_hold import Sampled, state_space, zero_order_hold
-from firmloop.design.law import DesignError, Law
+from firmloop.design.law import Law
 from firmloop.design.optimum import QuadraticSolver, Solution
 from firmloop.design.outcome import CAPPED, INFEASIBLE
 from firmloop.design.quadratic.solver import solver
@@ -33,6 +33,7 @@ LONGEST, LONGEST_SEARCHED = 50_000, 5_000  # samples of a step: a search takes a
 MOST_WORK = 5_000_000  # samples of a step times the states of plant and law, past inputs included
 BLOCK = 500  # samples run at one go: what builds a run of n samples takes n log n, and takes it once for a block
 SLOWEST = 1 - 1e-9  # a pole above it counts as one at rest
+LAGS = 12  # time constants of the slowest mode after which a loop rests
 AT_REST = 1e-9  # an open loop's pole this close to z = 1 counts as an integrator
 ON_CIRCLE = 1e-12  # a pole this close to the unit circle is not called stable: rounding may have put it there
 STAYS = 0.05  # of a step: the wider of the two bands that it settles in
@@ -71,24 +72,6 @@ class Trajectory:
         """Whether the output ends at its limit and the measurement farther than 5 % of the step from the reference."""
         asked, came = float(self.reference[-1]), float(self.measurement[-1])
         return bool(self.saturated[-1]) and abs(asked - came) > STAYS * abs(asked)
-
-
-@dataclass(frozen=True, slots=True)
-class StepMetrics:
-    """Figures of one step response, relative to its first and last value.
-
-    Times are in s from the step, infinite where the response does not get there. One that has not come to rest has no
-    last value: there is nothing to have a share of.
-    """
-
-    rise_s: float  # 10 % to 90 %
-    settling_2_s: float
-    settling_5_s: float
-    overshoot_percent: float
-    undershoot_percent: float
-    peak: float  # unit of the measurement
-    steady_state_error: float  # reference less measurement at the end, unit of the measurement
-    iae: float  # integral of |reference - measurement|, unit of the measurement times s
 
 
 def loop_response(law: Law, linear: Linear, frequency: Array) -> Response:
@@ -160,8 +143,17 @@ def samples_to_rest(law: Law, linear: Linear) -> int:
     return _samples_to_rest(closed_loop_poles(law, linear))
 
 
+def slowest_lag(law: Law, linear: Linear) -> float:
+    """Return the time constant of the slowest mode of the linearized loop, s."""
+    return _slowest_lag(closed_loop_poles(law, linear)) * law.period
+
+
 def _samples_to_rest(poles: Response) -> int:
-    return max(200, int(12 / -math.log(min(max(float(np.max(np.abs(poles))), 1e-6), SLOWEST))))
+    return max(200, int(LAGS * _slowest_lag(poles)))
+
+
+def _slowest_lag(poles: Response) -> float:
+    return 1 / -math.log(min(max(float(np.max(np.abs(poles))), 1e-6), SLOWEST))
 
 
 def closed_loop(law: Law, linear: Linear, reference: Array, optimum: QuadraticSolver | None = None) -> Trajectory:
@@ -246,52 +238,6 @@ def noise_gain(law: Law, linear: Linear) -> float:
     assert b.shape[0] == len(ring) == a_size + len(linearized.a)
     spread = scipy.linalg.solve_discrete_lyapunov(ring, b @ b.T)
     return math.sqrt(max(float((c @ spread @ c.T + d_law @ d_law.T)[0, 0]), 0.0))
-
-
-def step_metrics(trajectory: Trajectory) -> StepMetrics:
-    """Measure the first step of the reference; 10 % and 90 % are interpolated between the samples.
-
-    The first value is that at the step, the last one that of the last sample. A response that enters its band only in
-    the last twentieth of the record counts as not settled.
-    """
-    moved = np.flatnonzero(trajectory.reference != trajectory.reference[0])
-    start = int(moved[0]) if len(moved) else 0
-    time, y = trajectory.time[start:] - trajectory.time[start], trajectory.measurement[start:]
-    if len(y) < 2:
-        raise DesignError(f"the trajectory has {len(y)} samples after the step; run at least 2")
-    error = trajectory.reference[start:] - y
-    iae = float(np.sum(np.abs(error[:-1]) * np.diff(time)))
-    span = y[-1] - y[0]
-    if span == 0:
-        nothing = math.nan  # overshoots a response that does not come
-        return StepMetrics(math.inf, math.inf, math.inf, nothing, nothing, float(y[-1]), float(error[-1]), iae)
-    share = (y - y[0]) / span
-    rests = math.isfinite(_settle(time, share, 0.05))
-    return StepMetrics(
-        rise_s=_reach(time, share, 0.9) - _reach(time, share, 0.1) if rests else math.inf,
-        settling_2_s=_settle(time, share, 0.02),
-        settling_5_s=_settle(time, share, 0.05),
-        overshoot_percent=100 * max(0.0, float(share.max()) - 1) if rests else math.nan,
-        undershoot_percent=100 * max(0.0, -float(share.min())) if rests else math.nan,
-        peak=float(y[np.argmax(share)]),
-        steady_state_error=float(error[-1]),
-        iae=iae,
-    )
-
-
-def _reach(time: Array, share: Array, level: float) -> float:
-    """Find the time at which `share` first passes `level`."""
-    k = int(np.argmax(share >= level))
-    return float(time[k - 1] + (time[k] - time[k - 1]) * (level - share[k - 1]) / (share[k] - share[k - 1]))
-
-
-def _settle(time: Array, share: Array, band: float) -> float:
-    """Find the time after which `share` stays within `band` of 1."""
-    outside = np.flatnonzero(np.abs(share - 1) > band)
-    k = int(outside[-1]) + 1
-    if k > 0.95 * len(share):
-        return math.inf
-    return float(time[k])
 
 
 def _response(law: Law, linearized: LinearLaw, sampled: Sampled) -> Callable[[Array], Response]:

@@ -14,7 +14,8 @@ from firmloop.identify.plants.attach import told_names
 from firmloop.presentation.code_words import figure, in_unit, percent, quantity
 
 if TYPE_CHECKING:
-    from firmloop.design.analysis.loop import Margins, StepMetrics
+    from firmloop.design.analysis.loop import Margins
+    from firmloop.design.analysis.step_metrics import StepMetrics
     from firmloop.design.design import Design
     from firmloop.identify.fitting.fit import Fit
     from firmloop.identify.fitting.own_values import OwnValue

@@ -10,14 +10,14 @@ import numpy as np
 
 from firmloop.design.analysis.loop import (
     Margins,
-    StepMetrics,
     Trajectory,
     closed_loop,
     margins,
     samples_to_rest,
-    step_metrics,
+    slowest_lag,
     step_profile,
 )
+from firmloop.design.analysis.step_metrics import StepMetrics, step_metrics
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
 from firmloop.design.design import Design
 from firmloop.design.law import Horizon
@@ -63,17 +63,18 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         linear = linearize(plant)
         law, profile = designed.law, step_profile(designed.law, linear)
         step, found = closed_loop(law, linear, profile, optimum), margins(designed.law, linear)
+        lag = slowest_lag(law, linear)
         if not _moves(step):  # the actuator cannot drive the plant that way, as a fan cannot heat: step the other way
             other = closed_loop(law, linear, -profile, optimum)
             profile, step = (-profile, other) if _moves(other) else (profile, step)
 
         def figures(moved: Linear) -> Mapping[str, float]:
             searching = law.solve is not None  # which takes seconds
-            measured = () if searching or not found.stable else (step_metrics(closed_loop(law, moved, profile)),)
+            measured = () if searching or not found.stable else (step_metrics(closed_loop(law, moved, profile), lag),)
             return figures_of(margins(law, moved), *measured)
 
         points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
-        metrics = step_metrics(step) if found.stable else NO_METRICS
+        metrics = step_metrics(step, lag) if found.stable else NO_METRICS
         to_rest = samples_to_rest(law, linear) * law.period if found.stable else 0.0
         followed = bode(law, plant, found.crossover_rad_s)
         beyond = beyond_reach(law.inputs, law.outputs, plant, linear)

@@ -19,9 +19,9 @@ from firmloop.design.analysis.loop import (
     loop_response,
     margins,
     samples_to_rest,
-    step_metrics,
     step_profile,
 )
+from firmloop.design.analysis.step_metrics import step_metrics
 from firmloop.design.kinds import design
 from firmloop.design.law import DesignError, Law
 from firmloop.identify.signal import Signal

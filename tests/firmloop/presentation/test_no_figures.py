@@ -15,7 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmloop.cli import main
-from firmloop.design.analysis.loop import Margins, StepMetrics, Trajectory
+from firmloop.design.analysis.loop import Margins, Trajectory
+from firmloop.design.analysis.step_metrics import StepMetrics
 from firmloop.design.design import Design
 from firmloop.diagnose.controller.faults import Fault
 from firmloop.diagnose.controller.replay import Blame, Cut
@@ -199,3 +200,24 @@ def test_a_diagnosis_holds_no_infinite_figure(figures: list[float]) -> None:
     for said in (*effects_table(finding), shifts_table((shift,)), *controller_tables(cut), ranking_table(search)):
         assert not NO_FIGURE.search(said), said
     json.dumps(known(finding.as_dict()), allow_nan=False)
+
+
+@pytest.mark.parametrize(("period", "reached"), [(0.01, False), (0.06, True)])
+def test_a_step_that_is_not_followed_to_its_rest_is_measured_against_where_it_rests(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], period: float, reached: bool
+) -> None:
+    """PI cancels the plant's lag, so that the loop is one lag of 750 s; 50,000 samples are 500 s, or 3,000 s."""
+    text = PROJECT.format(
+        kind="first_order",
+        parameters=LAG.format(gain=0.8).replace("60", "600") + LATE.replace("6", "0"),
+        controller=f"kp = 1.0\nki = {1 / 600}",
+        low=-100,
+        high=100,
+    ).replace("period_s = 1.0", f"period_s = {period}")
+    said, document = designed(tmp_path, capsys, text)
+    step = document["controller"]["step"]
+    assert "rests only after 9e+03 s" in said
+    if reached:
+        assert step["rise_s"] == pytest.approx(750 * math.log(9), rel=2e-3)
+    else:
+        assert step["rise_s"] is None and step["settling_2_s"] is None and "rise time 10-90 %  not reached" in said
