@@ -50,9 +50,10 @@ def lower_within(law: Law, arithmetics: Sequence[str], allowed: Sequence[Allowed
 def _useless(law: Law, program: Program) -> str | None:
     """Say which output may be wrong by a large part of its range: its gain leaves no digits for it.
 
-    The bound of a law that solves says nothing about its digits: how a solution is rounded is not followed.
+    The bound of a law that solves says nothing about its digits: how a solution is rounded is not followed. Nor does
+    that of a state without a bound, such as an integral that nothing stops: its digits are those of what it holds.
     """
-    if law.solve is not None:
+    if law.solve is not None or any(not math.isfinite(s.high - s.low) for s in law.state):
         return None
     for signal, rounding in zip(law.outputs, program.rounding, strict=True):
         if rounding.bound > SHARE * (signal.high - signal.low) and math.isfinite(rounding.bound):

@@ -116,12 +116,16 @@ def opened(program: Program) -> Program:
 def _left(program: Program) -> list[Value]:
     """Return the state with the range of what init() or a step leaves there."""
     results = {op.result.name: op.result for op in program.body}
+    seen = [abs(end) for value in (*program.inputs, *program.outputs) for end in (value.low, value.high)]
+    far = BEYOND * max((end for end in seen if np.isfinite(end)), default=1.0)
     found = []
     for value, store, start in zip(program.state, program.next_state, program.start, strict=True):
         assert store.target == value.name
         made, first = results.get(store.source, value), value.low if value.name == program.unset else start
-        low, high = min(made.low, first), max(made.high, first)
-        found.append(replace(value, low=max(value.low, low), high=min(value.high, high)))
+        low, high = max(value.low, min(made.low, first)), min(value.high, max(made.high, first))
+        # A state without a bound, as an integral has none where nothing stops it, is drawn from about the signals'.
+        ends = (low if np.isfinite(low) else -far, high if np.isfinite(high) else far)
+        found.append(replace(value, low=ends[0], high=ends[1]))
     return found
 
 

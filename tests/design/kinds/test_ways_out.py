@@ -1,5 +1,6 @@
 """A state of no finite range is refused in fixed point with a way out that the kind it names really has."""
 
+import json
 import re
 from pathlib import Path
 
@@ -83,6 +84,18 @@ def test_the_way_out_of_a_state_without_a_range_is_one_that_is_there(
     parts = [(OWNERS.get(case, kind), own), *((part.partition('"')[0], part) for part in others)]
     named = [(of, key) for of, part in parts for key in re.findall(r"\b(?:\w+_(?:min|max)|anti_windup|\w+_s)\b", part)]
     assert named and all(key in keys_of(of) for of, key in named), said
+
+
+@pytest.mark.parametrize("case", ["pid", "gain_schedule, of transfer functions", "lead_lag"])
+def test_the_number_that_is_named_for_a_state_without_a_range_is_verified(case: str, tmp_path: Path) -> None:
+    kind = case.partition(",")[0]
+    table, signals = CASES[case]
+    text = f'schema = 1\nname = "plain"\n[controller]\nkind = "{kind}"\nperiod_s = 0.001\n{table}\n{signals}'
+    text = text.replace("ki = 2.0", "ki = 2.0\nkd = 0.1") if case == "pid" else text
+    (tmp_path / "p.toml").write_text(f'{text}[arithmetic]\nnumber = "float32"\n[target]\nnames = ["host"]\n')
+    assert main(["verify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out"), "--steps", "500"]) == 0
+    found = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert found["verdict"] == "agrees" and found["differences"] == 0
 
 
 @pytest.mark.parametrize(("phase", "status"), [(89, 0), (90, 2), (-89, 0), (-90, 2)])
