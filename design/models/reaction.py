@@ -63,6 +63,8 @@ def reaction(linear: Linear, period: float) -> Reaction:
     ------
     DesignError
         when the plant is unstable, rings, has no gain at rest or integrates twice.
+
+    A plant without a state has no slope: it is all there at once, in the sample after.
     """
     model = process(zero_pole(linear), period)  # refuses what no such rule was made for
     hold = linear.delay + period / 2
@@ -70,8 +72,10 @@ def reaction(linear: Linear, period: float) -> Reaction:
         raise DesignError(f"the plant integrates twice, so that it has no reaction curve; {BY_HAND}")
     if model.integrators:
         return Reaction(math.nan, model.gain, model.delay + sum(model.lags), math.nan)
-    curve = _Curve(linear)
     gain = model_gain(linear)
+    if not len(linear.a):
+        return Reaction(gain, math.copysign(math.inf, gain), linear.delay + period, 0.0)
+    curve = _Curve(linear)
     sign = math.copysign(1.0, gain)
     times = np.geomspace(1e-4 * curve.fastest, 20 * curve.slowest, TIMES)
     slopes = [sign * curve.at(t)[1] for t in times]

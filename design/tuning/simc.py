@@ -49,7 +49,8 @@ def tune(linear: Linear, period: float, table: Mapping[str, object]) -> Gains:
             f"the plant has {model.integrators} integrators, which terms = '{terms}' cannot stabilize; "
             + ("give terms = 'pid'" if model.integrators == 2 else "give kp, ki, kd instead")
         )
-    if terms == "pi" and not model.integrators and max(model.lags, default=0.0) < period:
+    single = terms == "pi" or not model.lags
+    if single and not model.integrators and max(model.lags, default=0.0) < period:
         model = replace(model, delay=model.delay + period / 2)
     gains, slowed = Gains(0.0, 0.0, 0.0, ""), model
     for _ in range(ROUNDS if terms == "pid" else 1):

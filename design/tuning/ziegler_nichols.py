@@ -13,8 +13,10 @@ Key: `terms`, "p", "pi" (default) or "pid".
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
+from firmloop.design.law import DesignError
 from firmloop.design.models.reaction import reaction
 from firmloop.design.table import choice
 from firmloop.design.tuning import Gains, Rule, ideal
@@ -27,6 +29,11 @@ def tune(linear: Linear, period: float, table: Mapping[str, object]) -> Gains:
     """Gains for `linear` sampled every `period` s."""
     factor, integral, derivative = SETTINGS[choice(table, "terms", "pi", SETTINGS)]
     curve = reaction(linear, period)
+    if math.isinf(curve.slope):
+        raise DesignError(
+            "Ziegler and Nichols' rule needs a plant whose answer has a slope, but this one is all there at once; use "
+            'tune = "simc"'
+        )
     says = f"Ziegler-Nichols on a reaction curve of slope {curve.slope:.4g}/s, delay {curve.delay:.4g} s"
     return ideal(factor / (curve.slope * curve.delay), integral * curve.delay, derivative * curve.delay, says)
 

@@ -11,8 +11,10 @@ from firmloop.codegen.emit import emit, manifest
 from firmloop.codegen.packages import package
 from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
+from firmloop.design.law import Law
 from firmloop.identify.plants.plant import Plant
-from firmloop.project.project import Project
+from firmloop.identify.units import carried_unit
+from firmloop.project.project import Project, same_unit, unit_times
 from firmloop.quantize.program import Program
 from firmloop.quantize.proof import proof
 from firmloop.quantize.twins.qp import optimum
@@ -41,7 +43,7 @@ def design(project: Project, plant: Plant | None) -> Design:
     part = project.controller
     assert part is not None, "require() has seen to it"
     with located(project):
-        return design_law(
+        found = design_law(
             part.kind,
             project.name,
             part.settings,
@@ -51,6 +53,31 @@ def design(project: Project, plant: Plant | None) -> Design:
             plant,
             optimum,
         )
+    if plant is not None and "A" not in part.settings and "C" not in part.settings:
+        _check_order(project, found.law, plant)
+    return found
+
+
+def _check_order(project: Project, law: Law, plant: Plant) -> None:
+    """Refuse an input that stands, by its order, for a state or an output of the plant in another unit.
+
+    Raises
+    ------
+    ProjectError
+        naming both, and the order.
+    """
+    for carried, wires, key in ((plant.states, law.states, "controller.states or "), (plant.outputs, law.watched, "")):
+        for k, meant in zip(wires, carried, strict=False):
+            signal, unit = law.inputs[k], meant.unit or carried_unit(meant.name)
+            if not unit or same_unit(signal.unit, unit):
+                continue
+            names, times = ", ".join(each.name for each in carried), unit_times(signal.unit, unit)
+            cure = f"{key}[signals] has to name them in this order: {names}"
+            if times:
+                cure = f"1 {signal.unit} is {times:.6g} {unit}; use one unit"
+            raise project.document.table("signals").wrong(
+                signal.name, f"is in {signal.unit!r} but stands for the plant's {meant.name}, in {unit!r}: {cure}"
+            )
 
 
 def generate(project: Project, designed: Design, command: str) -> Generated:

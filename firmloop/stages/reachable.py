@@ -1,17 +1,19 @@
-"""Tell references that the actuator cannot hold the plant at, by the plant's gain at rest."""
+"""Tell references that the actuator cannot hold the plant at, by where the plant rests with its input at either end."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from firmloop.design.roles import reference_and_measurement
-from firmloop.identify.plants.operating_point import INPUT, OUTPUT
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.linearize import Linear
+from firmloop.identify.simulation.simulate import constants_of
 
+ROUNDS, NEAR = 50, 1e-9  # of Newton's method: one is enough for what is linear; a share at which a state rests
 ROOM = 0.1  # of what can be held: a range may be as much wider, for overshoot and for what the plant is off
 
 
@@ -35,12 +37,44 @@ def beyond_reach(
     a = np.atleast_2d(linear.a)
     if linear.b.shape[1] != 1 or len(outputs) != 1 or np.any(np.linalg.eigvals(a).real >= 0.0):
         return None
-    gain = float(linear.d[0, 0] - (linear.c[0] @ np.linalg.solve(a, linear.b[:, 0]) if len(a) else 0.0))
-    levels = {parameter.name: parameter.value for parameter in plant.parameters}
     reference, output = inputs[reference_and_measurement(inputs)[0]], outputs[0]
-    ends = (levels.get(OUTPUT, 0.0) + gain * (end - levels.get(INPUT, 0.0)) for end in (output.low, output.high))
-    low, high = sorted(ends)
+    levels = [_level(plant, linear, end) for end in (output.low, output.high)]
+    if None in levels:
+        return None
+    low, high = sorted(level for level in levels if level is not None)
     room = ROOM * (high - low)
     if not np.isfinite(room) or (reference.low >= low - room and reference.high <= high + room):
         return None
     return Beyond(reference, output, low, high)
+
+
+def _level(plant: Plant, linear: Linear, held: float) -> float | None:
+    """Return where the first output rests with the input held; None where it does nowhere that is found.
+
+    What effects do to the gain is in `linear`; the level that they move is not known here.
+    """
+    bare = _rest(plant, 0.0 if plant.effects else held)
+    if bare is None or not plant.effects:
+        return bare
+    inner = linear.c[0] @ np.linalg.solve(linear.a, linear.b[:, 0]) if len(linear.a) else 0.0
+    return bare + float(linear.d[0, 0] - inner) * held
+
+
+def _rest(plant: Plant, held: float) -> float | None:
+    """Solve the plant's own equations for no rate of any state."""
+    x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
+    rate = plant.rate(x, u, p)
+    slopes, constants = ca.Function("slopes", [x, u, p], [rate, ca.jacobian(rate, x)]), constants_of(plant)
+    state = np.zeros(plant.rate.numel_in(0))
+    for _ in range(ROUNDS if len(state) else 0):
+        moves, slope = (np.array(part) for part in slopes(state, held, constants))
+        if not np.all(np.isfinite(slope)) or np.any(np.linalg.eigvals(slope).real >= 0.0):
+            return None
+        step = np.linalg.solve(slope, moves.ravel())
+        state = state - step
+        if np.all(np.abs(step) <= NEAR * (1.0 + np.abs(state))):
+            break
+    else:
+        if len(state):
+            return None
+    return float(plant.reading(state, held, constants)[0])
