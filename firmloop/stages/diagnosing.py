@@ -67,17 +67,21 @@ def _check_early(plant: Plant, train: Sequence[Recording], made: Diagnosis) -> N
     """Refuse outputs that move before their input, where to shift them leaves less than the best explanation does.
 
     No physics does so; what was named instead would be chased in vain. It is asked only where much is left, of either
-    with its initial states fitted. The fit begins at the refit, where there is one.
+    with its initial states fitted; of a plant without memory always, where a clock a hair too quick, or any other
+    effect on the time, explains as much. The fit begins at the refit, where there is one.
     """
     finding, refit = made.finding, made.search.refit
-    if (finding.train.after or finding.train.refit or 0.0) < _MUCH:
+    still = not plant.states
+    after = None if still else finding.train.after
+    if (after or finding.train.refit or 0.0) < _MUCH:
         return
     begin = plant if refit is None else plant.valued({p.name: p.value for p in refit.parameters})
     try:
         fitted = estimate(begin, train, (), NONE, near=refit is not None, doubt=untold)
     except IdentifyError:
         return  # what identify cannot fit has no lag that could be told
-    sizes = [rms_of(each.fitted.residuals) for each in (made.search.nominal, made.shown)]
+    shown = made.search.nominal if still else made.shown
+    sizes = [rms_of(each.fitted.residuals) for each in (made.search.nominal, shown)]
     left = dict(zip((signal.name for signal in plant.outputs), map(float, np.minimum(*sizes)), strict=True))
     said = early_outputs(Evidence(plant, tuple(train), NONE, fitted), left)
     if said:

@@ -42,7 +42,7 @@ def early_outputs(evidence: Evidence, left: Mapping[str, float]) -> str:
     """
     before = evidence.fit
     assert before is not None
-    if evidence.conditioning.align or evidence.conditioning.window_s > 0.0 or not before.plant.states:
+    if evidence.conditioning.align or evidence.conditioning.window_s > 0.0:
         return ""
     if all(lag > _EARLY for lag in _lags(before, evidence.recordings).values()):
         return ""
@@ -88,7 +88,8 @@ def _told(evidence: Evidence, before: Fit, after: Fit, early: Mapping[str, int])
     longest = 1.5 * max(early.values()) * step
     names = ", ".join(f'"{name}"' for name in early)
     return (
-        f"{' and '.join(said)}, which no plant can: a column is shifted in the log. Once they come in time, "
+        f"{' and '.join(said)}, which no plant can, for a row is read before its input acts: a column is shifted in "
+        f"the log, or was read later. Once they come in time, "
         f"{after.noise[worst]:.3g} instead of {before.noise[worst]:.3g} {unit[worst]} rms is left of {worst}: move "
         f"the column down by as many rows in the file, or let identify do so with align = [{names}] and "
         f"align_max_lag_s = {longest:.3g} in [recordings.conditioning]"

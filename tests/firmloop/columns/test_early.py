@@ -28,6 +28,17 @@ def early(made, rows: int, *names: str):
     return table, time[:last], {n: v[rows:] if n in names else v[:last] for n, v in columns.items()}
 
 
+def valve(random: np.random.Generator, late: int):
+    """Return the log of a valve without memory, whose rows hold the flow at the input of `late` rows ago."""
+    time = 0.1 * np.arange(300)
+    drive = np.repeat(random.uniform(0.0, 10.0, 30), 10)
+    moved = np.r_[drive[:late], drive[: len(drive) - late]]
+    flow = 12.0 - 3.2 * moved + 0.05 * random.normal(size=len(time))
+    start = {"gain": {"value": -3.0, "free": True}, "offset": {"value": 10.0, "free": True}}
+    table = {"kind": "static", "input": "valve_V", "outputs": ["flow"], "parameters": start}
+    return table, time, {"valve_V": drive, "flow": flow}
+
+
 CASES = {
     "one row": (lambda: motor(seeded(13), rows=1000), 1, ("speed_rad_s", "current_A")),
     "speed and current": (lambda: motor(seeded(11), rows=600), 3, ("speed_rad_s", "current_A")),
@@ -70,7 +81,9 @@ def test_a_diagnosis_stands_where_identify_cannot_fit_what_would_tell_a_lag(monk
 
     monkeypatch.setattr(diagnosing, "estimate", refusing)
     finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0))
-    diagnosing._check_early(None, (), SimpleNamespace(finding=finding, search=SimpleNamespace(refit=None)))
+    diagnosing._check_early(
+        SimpleNamespace(states=("w",)), (), SimpleNamespace(finding=finding, search=SimpleNamespace(refit=None))
+    )
 
 
 def test_a_shifted_column_is_held_against_an_explanation_whose_start_is_fitted_too(monkeypatch):
@@ -80,7 +93,7 @@ def test_a_shifted_column_is_held_against_an_explanation_whose_start_is_fitted_t
     monkeypatch.setattr(diagnosing, "early_outputs", lambda _, left: asked.update(left) or "")
     finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0))
     left = [SimpleNamespace(fitted=SimpleNamespace(residuals=(np.full((9, 1), size),))) for size in (0.02, 0.003)]
-    plant = SimpleNamespace(outputs=(SimpleNamespace(name="level"),))
+    plant = SimpleNamespace(outputs=(SimpleNamespace(name="level"),), states=("level",))
     search = SimpleNamespace(refit=None, nominal=left[0])
     diagnosing._check_early(plant, (), SimpleNamespace(finding=finding, search=search, shown=left[1]))
     assert asked == {"level": pytest.approx(0.003)}
@@ -103,3 +116,23 @@ def test_a_delay_that_is_given_too_long_is_no_output_that_comes_early(tmp_path, 
     longer = {**table["parameters"], "delay_s": {"value": 60.0, "free": True}}
     says, found = identified(written(tmp_path / "log", ({**table, "parameters": longer}, time, columns)), capsys)
     assert says == [] and found["delay_s"] == pytest.approx(14.0, abs=2.0)
+
+
+def test_a_plant_without_memory_that_is_read_after_its_input_has_acted_is_told_and_mended(tmp_path, capsys):
+    folder = written(tmp_path / "log", valve(seeded(17), 0))
+    says, _ = identified(folder, capsys)
+    assert len(says) == 1 and "flow of log.csv moves 1 row (0.1 s) before valve_V does" in says[0]
+    assert "a row is read before its input acts" in says[0]
+    assert main(["diagnose", str(folder / "project.toml"), "--out", str(folder / "out")]) == 2
+    assert "flow of log.csv moves 1 row" in capsys.readouterr().err
+    keys = says[0].partition("do so with ")[2].partition(" in [recordings")[0].replace(" and ", "\n")
+    project = folder / "project.toml"
+    project.write_text(project.read_text().replace("[plant]", f"[recordings.conditioning]\n{keys}\n[plant]", 1))
+    says, found = identified(folder, capsys)
+    assert says == [] and found["gain"] == pytest.approx(-3.2, abs=0.01)
+    assert found["offset"] == pytest.approx(12.0, abs=0.05)
+
+
+def test_a_plant_without_memory_that_is_read_before_its_input_acts_is_not_early(tmp_path, capsys):
+    says, found = identified(written(tmp_path / "log", valve(seeded(18), 1)), capsys)
+    assert says == [] and found["gain"] == pytest.approx(-3.2, abs=0.01)
