@@ -219,14 +219,22 @@ def check_units(project: Project, plant_inputs: Sequence[Signal], plant_output: 
         when the plant's one input is not in the unit of the controller's first output, one of several not in that of
         the output of its name, or the measurement or the reference not in that of the plant's first output.
     """
-    table = project.document.table("signals")
     if len(plant_inputs) == 1:
         meets = [(signal, plant_inputs[0]) for signal in project.controller_outputs[:1]]
     else:
         meets = [(s, wire) for s in project.controller_outputs for wire in plant_inputs if s.name == wire.name]
-    meets += [
-        (signal, plant_output) for signal in project.controller_inputs if signal.name in ("measurement", "reference")
-    ]
+    _check_same(project, meets)
+    named = [signal for signal in project.controller_inputs if signal.name in ("measurement", "reference")]
+    check_output_unit(project, named, plant_output)
+
+
+def check_output_unit(project: Project, signals: Sequence[Signal], output: Signal) -> None:
+    """Raise ProjectError where one of the signals is not in the unit of the plant's output."""
+    _check_same(project, [(signal, output) for signal in signals])
+
+
+def _check_same(project: Project, meets: Sequence[tuple[Signal, Signal]]) -> None:
+    table = project.document.table("signals")
     for signal, wire in meets:
         unit = wire.unit or carried_unit(wire.name)  # a name such as tacho tells none
         if unit and not same_unit(signal.unit, unit):

@@ -12,9 +12,10 @@ from firmloop.codegen.packages import package
 from firmloop.design.design import Design
 from firmloop.design.kinds import design as design_law
 from firmloop.design.law import Law
+from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.units import carried_unit
-from firmloop.project.project import Project, same_unit, unit_times
+from firmloop.project.project import Project, check_output_unit, same_unit, unit_times
 from firmloop.quantize.program import Program
 from firmloop.quantize.proof import proof
 from firmloop.quantize.twins.qp import optimum
@@ -61,11 +62,17 @@ def design(project: Project, plant: Plant | None) -> Design:
 def _check_order(project: Project, law: Law, plant: Plant) -> None:
     """Refuse an input that stands, by its order, for a state or an output of the plant in another unit.
 
+    So do the two inputs of a loop, whatever their names are, where they have one unit: it is then that of the output.
+
     Raises
     ------
     ProjectError
         naming both, and the order.
     """
+    if law.paired and len(law.inputs) > 1 and not law.states and not law.watched:
+        told, read = (law.inputs[k] for k in reference_and_measurement(law.inputs))
+        if same_unit(told.unit, read.unit):
+            check_output_unit(project, (read, told), plant.outputs[0])
     for carried, wires, key in ((plant.states, law.states, "controller.states or "), (plant.outputs, law.watched, "")):
         for k, meant in zip(wires, carried, strict=False):
             signal, unit = law.inputs[k], meant.unit or carried_unit(meant.name)

@@ -117,3 +117,17 @@ def test_a_state_in_degrees_is_told_by_how_much_it_is_off(designed: Said) -> Non
     law = 'kind = "state_feedback"\nperiod_s = 0.003\nK = [[0.1, 0.16, 8.0]]'
     status, said = designed(MOTOR, law, wires + '\noutput = { unit = "V", low = -12, high = 12 }')
     assert status == 2 and "1 deg is 0.0174533 rad; use one unit" in said
+
+
+@pytest.mark.parametrize(("told", "read"), [("setpoint", "temperature"), ("reference", "y")])
+@pytest.mark.parametrize(("unit", "status"), [("degF", 2), ("degC", 0)])
+def test_the_unit_of_a_loop_is_that_of_the_plant_whatever_its_signals_are_called(
+    told: str, read: str, unit: str, status: int, designed: Said
+) -> None:
+    """The gains are those of the plant: 1.8 times too large for an error in degrees Fahrenheit."""
+    wires = signals(unit, 25, 104, '{ unit = "percent", low = 0, high = 100 }')
+    wires = wires.replace("reference", told).replace("measurement", read)
+    law = 'kind = "pid"\nperiod_s = 1.0\ntune = "simc"\ntau_c_s = 30'
+    got, said = designed(AMBIENT, law, wires)
+    assert got == status
+    assert status == 0 or f"is in '{unit}' but the plant's temperature_C is in 'degC'" in said
