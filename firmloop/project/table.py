@@ -14,6 +14,8 @@ from firmloop.identify.regular_file import MOST_TEXT, read_regular
 from firmloop.project.extent import faults
 from firmloop.project.toml_lines import key_lines
 
+ALMOST = 0.8  # likeness of one letter too few in a word of four: knd is kind, and kd is not
+
 
 class ProjectError(Exception):
     """The user's project file or command is wrong; the message is one line and says where, what and the way out."""
@@ -74,7 +76,10 @@ class ProjectTable:
             raise self.remark(key, f"unknown key {_shown(key)}; {hint}")
 
     def missing(self, key: str, example: str) -> ProjectError:
-        """Return the error that `key` is not there, with a line that would mend it."""
+        """Return the error that `key` is not there, with a line that would mend it, or the key that it may be."""
+        near = difflib.get_close_matches(key, self.values, n=1, cutoff=ALMOST)
+        if near and near[0] != key:
+            return self.remark(near[0], f"'{key}' is missing; did you write '{near[0]}' for it?")
         return self.remark("", f"'{key}' is missing; write for instance: {example}")
 
     def text(self, key: str, example: str) -> str:

@@ -59,10 +59,12 @@ def _stretch(values: Array) -> slice | None:
 
 def _said(recording: Recording, name: str, rows: slice) -> str:
     time = recording.time
+    ends = rows.start == 0 or rows.stop == len(time)  # then one part is left
+    cure = "cut these rows out" if ends else "cut these rows out and list both parts"
     return (
         f"{name} of {recording.source} stands at {recording.columns[name][rows.start]:.6g} from {time[rows.start]:.6g} "
         f"to {time[rows.stop - 1]:.6g} s ({rows.stop - rows.start} rows), and elsewhere changes in nearly every row: a "
-        "sensor, a bus or a logger that repeated its last value; cut these rows out and list both parts"
+        f"sensor, a bus or a logger that repeated its last value; {cure}"
     )
 
 

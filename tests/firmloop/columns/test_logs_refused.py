@@ -99,6 +99,13 @@ def test_a_reading_that_stands_still_is_no_physics(first, count, tmp_path, capsy
     assert told.startswith("speed_rad_s of log.csv stands at ") and "list both parts" in told
 
 
+def test_a_reading_that_dies_leaves_one_part_to_list(tmp_path, capsys):
+    table, time, columns = motor(seeded(9))
+    columns["speed_rad_s"] = stands_still(columns["speed_rad_s"], np.arange(1700, len(time)))
+    (told,), _ = identified(written(tmp_path / "log", (table, time, columns)), capsys)
+    assert told.startswith("speed_rad_s of log.csv stands at ") and told.endswith("cut these rows out")
+
+
 def test_a_coarse_reading_and_a_motor_that_sticks_do_not_stand_still(tmp_path, capsys):
     table, time, columns = motor(seeded(9), friction=0.02)
     sticks = np.round(columns["speed_rad_s"] / 4.0) * 4.0

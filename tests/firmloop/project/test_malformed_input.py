@@ -42,6 +42,7 @@ PROJECTS: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
     "name too long": ('"tank_heater"', f'"{LONG}"', "generate", (":2:", "31")),
     "name a number": ('"tank_heater"', "7", "generate", (":2:", "must be a text")),
     "unknown key": ("period_s = 0.05", "perod_s = 0.05", "generate", ("period_s",)),
+    "misspelt key": ("period_s", "perod_s", "generate", ("'period_s' is missing", "did you write 'perod_s' for it?")),
     "unknown table": ("[arithmetic]", "[arithmatic]", "generate", ("'arithmatic'", "did you mean 'arithmetic'?")),
     "unknown gain": ("ki = 0.5", "kq = 0.5", "generate", (":22:", "kq")),
     "unknown key of a signal": ('unit = "V",', 'unit = "V", width = 3,', "generate", (":27:", "'width'")),
