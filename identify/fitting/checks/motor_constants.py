@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.checks.scale import (
     ELECTRIC,
@@ -26,6 +28,7 @@ _NEARLY = 0.2  # and that far off, by what a data sheet's constant may be, a uni
 _USUAL = ("in revolutions per minute", "in degrees")  # usual units of a speed, before any encoder
 _PRINTED = 0.002  # of a constant, that the digits of a data sheet leave open: as near as this a unit is exact
 _ALIKE = 0.5  # of the logarithm of the ratio: what a doubtful nominal resistance may be off besides
+_PERCENT = 100.0
 _WIDEST = 0.3  # relative deviation of a constant that is known
 
 
@@ -95,7 +98,10 @@ def _of_a_wire(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) 
     moved, off = math.log(found.value / given), math.log(ratio)
     plant = evidence.fit.plant
     if abs(moved - off) < _ALIKE * abs(off):
-        return _of_the_voltage(ratio, plant.inputs[0].name)
+        name = plant.inputs[0].name
+        return _of_the_voltage(
+            ratio, name, max(float(np.abs(each.columns[name]).max()) for each in evidence.recordings)
+        )
     current = next((each.name for each in plant.outputs if each.name == "current_A"), "")
     unit = unit_of_factor(ratio, _UNIT, current) if current and held["kt_N_m_A"].free else None
     if unit is not None and abs(moved + off) < _ALIKE * abs(off):
@@ -103,15 +109,24 @@ def _of_a_wire(ratio: float, held: Mapping[str, Parameter], evidence: Evidence) 
     return ""
 
 
-def _of_the_voltage(ratio: float, name: str) -> str:
-    """Say in which unit the voltage looks, or that it may be a share of the supply, with the line that mends it."""
+def _of_the_voltage(ratio: float, name: str, most: float) -> str:
+    """Say in which unit the voltage looks, or that it may be a share of the supply, with the line that mends it.
+
+    `most` is the largest of its numbers, by which a share is one in ones, in percent, or in counts.
+    """
     unit = unit_of_factor(ratio, _UNIT, name)
     if unit in ELECTRIC:
         return f"{name} looks {unit}, for R_ohm is off alike; if so, {in_unit(name, str(unit))}"
-    supply = float(f"{1.0 / ratio:.2g}")  # about: which voltage it is, is read off the supply
+    scale = float(f"{1.0 / ratio:.2g}")  # about: which voltage it is, is read off the supply
+    full = next((each for each in (1.0, _PERCENT) if most <= each), 0.0)
+    share = " in percent" if full == _PERCENT else ""
+    of_it = {1.0: "its volts", _PERCENT: "a hundredth of its volts"}.get(
+        full, "its volts over the count of a full duty"
+    )
+    about = f", about {scale * full:g} V," if full else ""
     return (
-        f"{name} looks in another unit, or a share of the supply (the duty of a PWM), for R_ohm is off alike; if so, "
-        f"measure the supply, about {supply:g} V, and with its volts as the scale {scaled(name, supply)}"
+        f"{name} looks in another unit, or a share of the supply{share} (the duty of a PWM), for R_ohm is off alike; "
+        f"if so, measure the supply{about} and with {of_it} as the scale {scaled(name, scale)}"
     )
 
 

@@ -150,7 +150,12 @@ def test_readings_of_an_output_that_failed_in_a_row_are_told(tmp_path, capsys):
     assert len(says) == 1 and "reads -127 at " in says[0] and "2 more such" in says[0], says
 
 
-@pytest.mark.parametrize(("scale", "looks"), [(1e3, "in thousandths"), (1 / 24.0, "a share of the supply")])
+VOLTS = [(1 / 24, "about 24 V, and with its volts"), (100 / 24, "about 24 V, and with a hundredth of its volts")]
+
+
+@pytest.mark.parametrize(
+    ("scale", "looks"), [(1e3, "in thousandths"), *VOLTS, (255 / 24, "its volts over the count of a full duty")]
+)
 def test_a_voltage_in_another_unit_is_no_gear_and_its_line_gives_the_motor_back(scale, looks, tmp_path, capsys):
     made = changed(motor(seeded(6)), voltage_V=lambda v: scale * v)
     folder = written(tmp_path / "plain", made)
