@@ -178,7 +178,7 @@ def _terms(plant: Plant, train: Sequence[Recording]) -> tuple[LibraryTerm, ...]:
             continue
         site = site_of(plant, effect, use.output, use.at)
         scales = sizes(site.output, site.balance)
-        if effect.possible is not None and not effect.possible(scales):
+        if effect.possible is not None and not effect.possible(site, scales):
             continue
         known = parameters_of(plant, use.name, use.output, use.at)
         parameters = tuple(_bounded(effect, each, scales) for each in known)

@@ -192,6 +192,8 @@ def _judge(term: LibraryTerm, start: Mapping[str, float], secants: Secants, unde
     axis, _ = np.linalg.qr(pure[:, live])
     gain = float(np.sum((axis.T @ under.left) ** 2))
     size = start.get(term.keys[0], 0.0) if term.parameters and term.parameters[0].neutral == 0.0 else 0.0
+    if size and not term.effect.screened:  # no share of what it changes is what less of it does
+        return Screened(term, max(float(pure[:, 0] @ (2.0 * under.left - pure[:, 0])), 0.0), start, share)
     if len(secants) == 1 and float(pure[:, 0] @ under.left) < 0.0 and not _signed(term):
         # The data wants the opposite of what physics allows, or far less of it.
         begin, less = (_times(term, start, OPPOSITE_SIZE), OPPOSITE_SIZE) if size else (start, 1.0)

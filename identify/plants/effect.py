@@ -120,6 +120,7 @@ class Scales:
     end: float  # s, last row
     slew: float  # largest change of the input from row to row, over the sample time
     fall: float  # by which the size of the input falls after a larger one, at the most
+    other_way: float  # largest size of the input on the side where that is smaller
     level: float  # of the state an overflow acts on
 
     def times(self, rows: float) -> tuple[float, ...]:
@@ -166,8 +167,8 @@ class Effect:
     simulation; it is not called where the values are neutral. `code` is C for the simulator: the body of a function
     of `v` (the moment's view of the plant: `x[]`, `u`, `t`, `w`, `th`, `turn`, `i`, `effort`, `s`) and `q[]`
     (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
-    cannot; `unmet` then says why, in half a sentence. `possible(scales)` says whether recordings of these sizes may
-    show it, `bounded(parameter, scales)` narrows a parameter to what they can tell, `within(values, scales)` brings
+    cannot; `unmet` then says why, in half a sentence. `possible(site, scales)` says whether recordings of these sizes
+    may show it, `bounded(parameter, scales)` narrows a parameter to what they can tell, `within(values, scales)` brings
     a fit's values back to where they are this effect's at all, `believable(values, scales)` says
     whether a fit's values are still this effect's, `becomes(values, scales)` names the simpler effect that they amount
     to, blank for none; None where they do not matter.
@@ -205,7 +206,7 @@ class Effect:
     sum_of: tuple[tuple[str, tuple[float, ...]], ...] = ()  # effects it is the sum of: times each one's first parameter
     holding: Callable[[Site, tuple[float, ...]], Holding] | None = None
     unmet: str = ""
-    possible: Callable[[Scales], bool] | None = None
+    possible: Callable[[Site, Scales], bool] | None = None
     bounded: Callable[[EffectParameter, Scales], EffectParameter] | None = None
     within: Callable[[Sequence[float], Scales], tuple[float, ...]] | None = None
     believable: Callable[[Sequence[float], Scales], bool] | None = None

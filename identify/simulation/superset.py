@@ -226,6 +226,8 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
         size = np.abs(course.drive[:, 0])
         see("fall", np.maximum.accumulate(size) - size)
+        see("up", np.maximum(course.drive[:, 0], 0.0))
+        see("down", np.minimum(course.drive[:, 0], 0.0))
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
         see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
         if not np.any(course.drive):  # what moves by itself is driven by what slows it down
@@ -272,6 +274,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         end=max(float(recording.time[-1]) for recording in recordings),
         slew=sizes.get("slew", 1.0),
         fall=peaks.get("fall", 0.0),
+        other_way=min(peaks.get("up", 0.0), peaks.get("down", 0.0)),
         level=sizes.get("level", 1.0),
     )
 

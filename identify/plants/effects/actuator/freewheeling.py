@@ -6,7 +6,7 @@ from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site
 from firmloop.identify.plants.plant import Plant
 
-_FALLS = 0.02  # of the largest input: what only rises drives all the time
+_LITTLE = 0.02  # of the largest input: what falls by less drives all the time
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -16,12 +16,16 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
-    return ((0.4,), (0.8,)) if site.lag else ((1.0,),)
+    return ((0.4,), (0.7,), (0.9,)) if site.lag else ((1.0,),)
 
 
-def possible(scales: Scales) -> bool:
-    """Tell whether the input ever falls, so that the motor may be faster than it."""
-    return scales.fall > _FALLS * scales.input
+def possible(site: Site, scales: Scales) -> bool:
+    """Tell whether the input ever falls, so that the motor may be faster than it.
+
+    Of a lag whose input goes both ways nothing tells what brakes: that of a bridge does.
+    """
+    little = _LITTLE * scales.input
+    return scales.fall > little and not (site.lag and scales.other_way > little)
 
 
 def fits(plant: Plant) -> bool:
@@ -70,6 +74,7 @@ EFFECT = Effect(
         ),
     ),
     switches=(0,),
+    screened=False,
     possible=possible,
     fits=fits,
     unmet="the driver does not brake; a reference that falls no faster than the machine runs out stays met",

@@ -23,7 +23,7 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     assembly.map_output(site.output, "sensor_rectified", values)
 
 
-def possible(scales: Scales) -> bool:
+def possible(site: Site, scales: Scales) -> bool:
     """Tell whether readings stay on one side, but for noise and an offset."""
     return min(-scales.output_low, scales.output_high) <= _OPPOSITE * scales.output
 
