@@ -327,9 +327,12 @@ def _result(
     covariance = found.covariance * np.outer(inner, inner)
     covariance[list(found.blind), :] = math.nan
     covariance[:, list(found.blind)] = math.nan
-    deviations = dict(zip(problem.free, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    told = np.sqrt(sum(np.sum(slopes[..., :count] ** 2, axis=(0, 1)) for slopes in whole))
+    alone = np.abs(inner) / np.maximum(told, 1e-300)  # deviations beside the others as they are
+    spread = zip(np.sqrt(np.diag(covariance)).tolist(), alone.tolist(), strict=True)
+    deviations = dict(zip(problem.free, spread, strict=True))
     parameters = tuple(
-        _estimated(parameter, float(best.constants[index]), deviations.get(index, math.nan))
+        _estimated(parameter, float(best.constants[index]), *deviations.get(index, (math.nan, math.nan)))
         for index, parameter in enumerate(plant.parameters)
     )
     if not _possible(plant, parameters):
@@ -372,15 +375,16 @@ def _possible(plant: Plant, parameters: Sequence[Parameter]) -> bool:
     return bool(np.all(np.isfinite(np.array(rate))))
 
 
-def _estimated(parameter: Parameter, value: float, deviation: float) -> Parameter:
+def _estimated(parameter: Parameter, value: float, deviation: float, alone: float) -> Parameter:
     """Set what was found; the solver stops just inside a bound, which is the bound as far as the data can tell.
 
-    A bound that is impossible itself, a time constant of zero, is none that a value can be.
+    Beside the others as they are, too, by its deviation `alone`: of two lags that are hardly told from one another
+    neither is zero. A bound that is impossible itself, a time constant of zero, is none that a value can be.
     """
     if not math.isfinite(deviation):
         return replace(parameter, value=value, deviation=None)
     for bound in (parameter.low, parameter.high):
-        if abs(value - bound) < 1e-3 * deviation and not parameter.logarithmic:
+        if abs(value - bound) < min(1e-3 * deviation, 0.1 * alone) and not parameter.logarithmic:
             value = bound
     return replace(parameter, value=value, deviation=deviation)
 
