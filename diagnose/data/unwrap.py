@@ -74,6 +74,8 @@ def unwrapped(
         # A sensor that shows only a part of its turn jumps by less than a turn: simulations tell by how much.
         if (off > RANGE_DEVIATIONS * wrap[2] or deviation > wrap[2]) and not (left < CLOSER_RMS and off > deviation):
             reach, deviation = wrap[0], wrap[2]  # what else is hidden has bent the fit, or the jumps tell more
+        if reach < SEEN_SHARES[0] * float(np.ptp(np.concatenate(columns))):
+            continue  # no reading of it could lie where readings do
         low = wrap[1]
         whole = [shifted(each, signal.name, (reach - wrap[0]) * turn) for each, turn in zip(moved, turns, strict=True)]
         train, test = tuple(whole[: len(train)]), tuple(whole[len(train) :])

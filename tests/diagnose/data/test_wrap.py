@@ -4,12 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bench.diagnose.blind_cases import draw_case
-from tests.diagnose.cases import SHORT, drawn, said_of, shortened
+from firmloop.diagnose.data.unwrap import unwrapped
+from firmloop.project.project import read_project
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
+from tests.diagnose.cases import SHORT, drawn, logged, said_of, shortened
 
 WHOLE = 5000  # rows of a case
+LAMP = """schema = 1
+name = "lamp"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "first_order"
+input = "led_pct"
+outputs = ["light_pct"]
+[plant.parameters]
+gain = { value = 3.4, free = true }
+time_constant_s = { value = 0.02, free = true }
+delay_s = { value = 0.0, free = false }
+"""
 
 
 @pytest.mark.parametrize(
@@ -30,3 +48,18 @@ def test_wraps_are_read_off(tmp_path: Path, seed: int, rows: int) -> None:
     assert effect["name"] == "sensor_wrap"
     (found,) = [each for name, each in effect["parameters"].items() if name.startswith("range_")]
     assert found["value"] == pytest.approx(hidden.told["range"], rel=2e-3)
+
+
+def test_a_reading_beyond_a_range_does_not_wrap_at_it(tmp_path: Path) -> None:
+    """A lamp on a photoresistor, steps of which rise at once and fall slowly: they leap, by nearly the same each."""
+    rng, rows = np.random.default_rng(0), 1400
+    goals, light = np.repeat([0.3, 84.0, 0.7, 84.0, 42.0, 83.0, 0.7], rows // 7), np.empty(rows)
+    now = goals[0]
+    for k, goal in enumerate(goals):
+        light[k] = now
+        rises = goal > now
+        now += (goal - now) * (0.85 if rises and now < 0.85 * goal else 0.02 if rises else 0.03)
+    light += (0.1 + 0.6 * (light > 5.0)) * rng.normal(size=rows)
+    drive = np.repeat([0.0, 25.0, 0.0, 25.0, 2.5, 25.0, 0.0], rows // 7)
+    project = read_project(logged(tmp_path, LAMP, "time_s,led_pct,light_pct", 0.005 * np.arange(rows), drive, light))
+    assert unwrapped(plant_of(project), read_data(project).train, ())[2] == ()
