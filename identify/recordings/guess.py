@@ -24,7 +24,9 @@ _QUANTITIES: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
     (frozenset("u v volt volts voltage vin uin vm um uq vq spannung tension tensao tensione".split()), ("voltage_V",)),
     (frozenset("i current curr amps amp ampere im ia iq strom courant corriente corrente".split()), ("current_A",)),
     (
-        frozenset("speed omega w rpm velocity vel rps drehzahl vitesse velocidad velocidade velocita".split()),
+        frozenset(
+            "speed omega w rpm velocity vel rps drehzahl geschwindigkeit vitesse velocidad velocidade velocita".split()
+        ),
         ("speed_rad_s", "speed_m_s"),
     ),
     (frozenset("angle theta phi alpha winkel angulo angolo".split()), ("position_rad",)),
@@ -50,6 +52,10 @@ _REFERENCES = frozenset(
     "referenz zielwert consigne referencia consigna objetivo deseado deseada desejado desejada riferimento".split()
 )
 # Of what is read from a plant a command is a reference, too, and so it is beside what else drives the plant.
+# German writes as one word what is wanted or is, of what, and the quantity: Sollgeschwindigkeit, Motorspannung.
+_COMPOUND = re.compile(
+    "(soll|ist)?.*?(spannung|strom|drehzahl|geschwindigkeit|winkel|temperatur|drehmoment|kraft|druck)"
+)
 _COMMANDS = frozenset(["cmd", "command"])
 _EITHER = frozenset(["output", "out"])  # of a controller, which drives the plant, or of the plant
 # What a controller sends to a drive: a voltage beside it may be that of the drive, or of its supply.
@@ -62,6 +68,7 @@ _DRIVES = _SENT | frozenset(
 _ANSWERS = frozenset(
     "y sensor tacho measured meas measurement actual feedback process pv ist istwert response level speed velocity vel "
     "omega rpm position pos angle theta temperature temp pressure flow estimate counts ticks encoder drehzahl vitesse "
+    "geschwindigkeit "
     "winkel weg temperatur druck angulo angolo velocidad velocidade velocita posicion posicao posizione temperatura "
     "thrust mass weight scale balance masse gewicht waage poids peso".split()
 )
@@ -272,7 +279,9 @@ def _words(name: str) -> frozenset[str]:
     name = bare if re.search(r"[A-Za-z]", bare) else name
     plain = "".join(sign for sign in unicodedata.normalize("NFKD", name) if not unicodedata.combining(sign))
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
-    return frozenset(word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
+    words = frozenset(word.lower() for word in re.split(r"[^A-Za-z0-9]+", spaced) if word)
+    compounds = filter(None, (_COMPOUND.fullmatch(word) for word in words))
+    return words | {part for compound in compounds for part in compound.groups() if part}
 
 
 def _stems(name: str) -> frozenset[str]:

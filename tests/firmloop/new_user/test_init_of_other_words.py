@@ -61,6 +61,15 @@ def test_a_set_point_of_another_language_is_no_output_and_an_angle_is(asked: str
     assert f"column {asked} seems to be a reference and is not used" in shown
 
 
+def test_words_written_as_one_are_taken_apart(said: Said) -> None:
+    speed = lagged(PULSE, 5.0, 0.8) + 0.5 * RANDOM.normal(size=ROWS)
+    wanted, turned = np.repeat(speed[::60] + 3.0, 60), np.cumsum(speed) * STEP
+    drive = {"Sollgeschwindigkeit": wanted, "Motorspannung": PULSE}
+    status, shown = said({"Zeit": TIME, **drive, "Position": turned, "Geschwindigkeit": speed})
+    assert status == 0 and "voltage_V -> speed_rad_s" in shown
+    assert "column Sollgeschwindigkeit seems to be a reference and is not used" in shown
+
+
 def stand(**other: np.ndarray) -> dict[str, np.ndarray]:
     """Return what a stand for propellers exports."""
     thrust = lagged(PULSE, 0.3, 0.4)
