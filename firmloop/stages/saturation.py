@@ -48,8 +48,8 @@ def saturated(project: Project, recordings: Sequence[Recording], name: str = "")
             worst = values.max() if values.max() - wire.high > wire.low - values.min() else values.min()
             return (
                 f"{drive} of {recording.source} goes to {worst:g} {wire.unit}, but signals.{wire.name} "
-                f"ends at {wire.low:g} and {wire.high:g}: the actuator saturates in {beyond.mean():.0%} of the rows; "
-                "make the signal smaller, or correct the range"
+                f"ends at {wire.low:g} and {wire.high:g}: the actuator saturates in {100.0 * beyond.mean():.2g} % "
+                "of the rows; make the signal smaller, or correct the range"
             )
     return ""
 
@@ -67,9 +67,9 @@ def cut_output(project: Project, recordings: Sequence[Recording]) -> str:
             found = cut_off(recording.columns[name]) if name in recording.columns else None
             if found and not holds_elsewhere(recording.columns[name], found.value):
                 return (
-                    f"{name} of {recording.source} is cut off at {found.value:g} {unit_of(name)} in {found.share:.0%} "
-                    f"of the rows, as by a sensor or actuator at its limit or by an end stop, and {part.kind} has "
-                    "none; record a smaller motion, or let diagnose find out what it is"
+                    f"{name} of {recording.source} is cut off at {found.value:g} {unit_of(name)} in "
+                    f"{100.0 * found.share:.2g} % of the rows, as by a sensor or actuator at its limit or by an end "
+                    f"stop, and {part.kind} has none; record a smaller motion, or let diagnose find out what it is"
                 )
     return ""
 
@@ -82,6 +82,6 @@ def cut_input(project: Project, recordings: Sequence[Recording]) -> str:
         if found and not in_steps(recording.columns[drive], found.value):
             return (
                 f"{drive} of {recording.source} runs into {found.value:g} {unit_of(drive)} and rests there in "
-                f"{found.share:.0%} of the rows: it must be what the actuator gave, not what it was asked for"
+                f"{100.0 * found.share:.2g} % of the rows: it must be what the actuator gave, not what it was asked for"
             )
     return ""
