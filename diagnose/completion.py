@@ -10,7 +10,7 @@ from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weig
 from firmloop.diagnose.model.batch_means import with_disturbances
 from firmloop.diagnose.model.candidate import Candidate, closer, rated, without
 from firmloop.diagnose.model.continuation import met
-from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of
+from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of, own_evidence
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
 from firmloop.diagnose.model.kinks import limits, polished
 from firmloop.diagnose.model.profile_likelihood import profiled
@@ -30,6 +30,7 @@ from firmloop.diagnose.policy import (
     THRESHOLD,
     TIE,
     TRACE_SHARE,
+    WIDER_RMS,
 )
 from firmloop.diagnose.search.at_rest import rested
 from firmloop.diagnose.search.exchange import slimmer
@@ -37,7 +38,7 @@ from firmloop.diagnose.search.exhaustive import exhausted
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.late_sensor import retimed
 from firmloop.diagnose.search.multiple_shooting import in_pieces
-from firmloop.diagnose.search.simulation_error import independent, nearest, needed, strays
+from firmloop.diagnose.search.simulation_error import independent, nearer, nearest, needed, strays
 from firmloop.diagnose.search.stepwise import further, levelled, pruned, settled
 from firmloop.identify.fitting.noise import colored, flat
 from firmloop.identify.simulation.course import LONGEST_CHANGE
@@ -185,8 +186,10 @@ def _certain(problem: Problem, fitted: Fitted) -> Fitted:
             break
         noises = noises_of(problem, slim.residuals)
         by = independent(slim.residuals) if plain else noises
-        slim = fit(problem, problem.train, slim.terms, slim.point, by, STEPS_OF_A_NEAR_FIT)
-        fitted = with_doubts(problem, profiled(problem, ended(problem, slim, by), by))
+        refit = fit(problem, problem.train, slim.terms, slim.point, by, STEPS_OF_A_NEAR_FIT)
+        if nearer(slim, refit, 1.0 / WIDER_RMS):  # it has made noise of the motion
+            refit, by = slim, independent(slim.residuals)
+        fitted = with_doubts(problem, profiled(problem, ended(problem, refit, by), by))
     return fitted
 
 
@@ -236,4 +239,7 @@ def _finer(problem: Problem, candidate: Candidate) -> Fitted:
         if fitted.cost - further_on.cost < 1.0:
             break
         fitted = further_on
+    begun = fit(problem, problem.train, candidate.fitted.terms, candidate.fitted.point, candidate.noises, 0)
+    if own_evidence(problem, begun) + TIE < own_evidence(problem, fitted):  # its noise was not that of where it ended
+        fitted, noises = begun, candidate.noises
     return profiled(problem, ended(problem, fitted, noises), noises)

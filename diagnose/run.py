@@ -22,7 +22,7 @@ from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
-from firmloop.diagnose.search.harmless import FIRST, TOLD, harmless, held, plain_refit, simulated_figures
+from firmloop.diagnose.search.harmless import EVERYWHERE, FIRST, harmless, held, plain_refit, simulated_figures
 from firmloop.diagnose.search.held_out import holding, told
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.run_to_run import differing
@@ -110,7 +110,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
         raise IdentifyError(apart)
     if explained:
         # What was kept as safe harms no simulation of train that begins where all its readings say.
-        begins = FIRST if safe else (*FIRST, *TOLD)
+        begins = FIRST if safe else EVERYWHERE
         safe_in = {"train": harmless(written, refit, whole, begins), "test": harmless(written, refit, later)}
         harmed = [name for name, each in safe_in.items() if not each]
         if harmed:

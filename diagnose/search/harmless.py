@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.candidate import believable, by_simulation_error, rms_of
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem
-from firmloop.diagnose.policy import EXCHANGE_PATIENCE, SAME_RMS, STEPS_OF_A_FIT
+from firmloop.diagnose.policy import CLOSER_RMS, EXCHANGE_PATIENCE, SAME_RMS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.exchange import as_large, exchanged, mistaken
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.improved import improved_plant
@@ -33,7 +33,8 @@ def _as_recorded(plant: Plant, recording: Recording, constants: Array) -> Array:
 
 
 TOLD: tuple[Start, ...] = (placed_start, _as_recorded)  # by all readings, so that no noise of one of them decides
-FIRST: tuple[Start, ...] = (own_start,)  # as `firmloop simulate` begins, at the first reading alone
+FIRST: tuple[Start, ...] = (own_start, _as_recorded)  # as `firmloop simulate` begins, without and with --fit-initial
+EVERYWHERE: tuple[Start, ...] = (own_start, *TOLD)
 
 
 def plain_refit(found: Search, plant: Plant, train: Sequence[Recording]) -> Plant:
@@ -78,9 +79,7 @@ def overall_rms(plant: Plant, recordings: Sequence[Recording], begin: Start = ow
     return np.asarray(np.sqrt(weights @ simulation_rms(plant, recordings, begin) ** 2 / weights.sum()))
 
 
-def harmless(
-    plant: Plant, refit: Plant, recordings: Sequence[Recording], starts: Sequence[Start] = (*FIRST, *TOLD)
-) -> bool:
+def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording], starts: Sequence[Start] = EVERYWHERE) -> bool:
     """Tell whether a plant simulates every output of every recording no worse than the refit, wherever it begins."""
     return no_worse(from_starts(plant, recordings, starts), from_starts(refit, recordings, starts))
 
@@ -95,8 +94,13 @@ def from_starts(plant: Plant, recordings: Sequence[Recording], starts: Sequence[
 
 
 def no_worse(rms: Array, refit: Array) -> bool:
-    """Tell whether a plant's rms (2, recordings, r) is no more than the refit's, of any output of any recording."""
-    return bool(np.all(rms <= SAME_RMS * refit))
+    """Tell whether a plant's rms (starts, recordings, r) is no more than the refit's, of any output of any recording.
+
+    The last start is where readings say. A recording that the refit simulates far nearer from there than from rest
+    begins in motion: from rest it tells nothing.
+    """
+    moving = np.any(CLOSER_RMS * refit > refit[-1], axis=2, keepdims=True)
+    return bool(np.all((rms <= SAME_RMS * refit) | moving))
 
 
 def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:
