@@ -51,11 +51,11 @@ _REFERENCES = frozenset(
     "ref reference set setpoint sp target desired demanded demand requested wanted goal commanded soll sollwert "
     "referenz zielwert consigne referencia consigna objetivo deseado deseada desejado desejada riferimento".split()
 )
-# Of what is read from a plant a command is a reference, too, and so it is beside what else drives the plant.
 # German writes as one word what is wanted or is, of what, and the quantity: Sollgeschwindigkeit, Motorspannung.
 _COMPOUND = re.compile(
     "(soll|ist)?.*?(spannung|strom|drehzahl|geschwindigkeit|winkel|temperatur|drehmoment|kraft|druck)"
 )
+# Of what is read from a plant a command is a reference, too, and so it is beside what else drives the plant.
 _COMMANDS = frozenset(["cmd", "command"])
 _EITHER = frozenset(["output", "out"])  # of a controller, which drives the plant, or of the plant
 # What a controller sends to a drive: a voltage beside it may be that of the drive, or of its supply.
@@ -67,10 +67,9 @@ _DRIVES = _SENT | frozenset(
 )
 _ANSWERS = frozenset(
     "y sensor tacho measured meas measurement actual feedback process pv ist istwert response level speed velocity vel "
-    "omega rpm position pos angle theta temperature temp pressure flow estimate counts ticks encoder drehzahl vitesse "
-    "geschwindigkeit "
-    "winkel weg temperatur druck angulo angolo velocidad velocidade velocita posicion posicao posizione temperatura "
-    "thrust mass weight scale balance masse gewicht waage poids peso".split()
+    "omega rpm position pos angle theta temperature temp pressure flow estimate counts ticks encoder vitesse "
+    "drehzahl geschwindigkeit winkel weg temperatur druck angulo angolo velocidad velocidade velocita posicion posicao "
+    "posizione temperatura thrust mass weight scale balance masse gewicht waage poids peso".split()
 )
 # Which way a column leans whose words say nothing of it, such as those of another language.
 _BY_QUANTITY = {
