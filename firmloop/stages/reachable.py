@@ -64,7 +64,8 @@ def _rest(plant: Plant, held: float) -> float | None:
     """Solve the plant's own equations for no rate of any state."""
     x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
     rate = plant.rate(x, u, p)
-    slopes, constants = ca.Function("slopes", [x, u, p], [rate, ca.jacobian(rate, x)]), constants_of(plant)
+    slopes = ca.Function("slopes", [x, u, p], [rate, ca.jacobian(rate, x)])
+    constants = constants_of(plant)[: plant.rate.numel_in(2)]  # those of effects come after the plant's
     state = np.zeros(plant.rate.numel_in(0))
     for _ in range(ROUNDS if len(state) else 0):
         moves, slope = (np.array(part) for part in slopes(state, held, constants))

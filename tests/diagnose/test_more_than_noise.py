@@ -121,7 +121,7 @@ def test_iron_that_saturates_is_found_in_equations_that_name_no_balance(tmp_path
 PUMP = """schema = 1
 name = "pump"
 [recordings]
-train = ["4.csv", "8.csv", "12.csv"]
+train = ["4.csv", "12.csv"]
 [plant]
 kind = "first_order"
 input = "pump_V"
@@ -134,15 +134,16 @@ delay_s = { value = 0.0, free = false }
 
 
 def test_what_answers_an_input_that_nobody_controls_is_no_disturbance(tmp_path: Path) -> None:
-    """A pump that begins at 2.5 V and whose tank drains more slowly than it fills; no effect says that."""
-    rng, time = np.random.default_rng(3), np.arange(0.0, 50.0, 0.1)
-    for top in (4, 8, 12):
-        drive = np.where((time >= 1.0) & (time < 26.0), float(top), 0.0)
+    """A pump that begins at 2.5 V, and sucks, too; its tank drains more slowly than it fills: no effect says that."""
+    rng, time = np.random.default_rng(3), np.arange(0.0, 50.0, 0.2)
+    for top in (4, 12):
+        drive = np.where((time >= 1.0) & (time < 26.0), float(top), 0.0) - np.where(time >= 45.0, 3.0, 0.0)
         pressure, read = 0.0, []
         for each in drive:
             read.append(pressure)
             for _ in range(20):
-                pressure += 0.005 * (3.0 * max(each - 2.5, 0.0) - (0.3 if each > 0.0 else 0.12) * pressure)
+                pumped = 3.0 * (max(each - 2.5, 0.0) + min(each + 2.5, 0.0))
+                pressure += 0.01 * (pumped - (0.12 if each == 0.0 else 0.3) * pressure)
         columns = {"pump_V": drive, "pressure_kPa": np.array(read) + rng.normal(0.0, 0.05, len(time))}
         write_recording(make_recording(time, columns, f"{top}.csv", ""), tmp_path / f"{top}.csv")
     (tmp_path / "project.toml").write_text(PUMP, encoding="utf-8")

@@ -53,7 +53,7 @@ EFFECT = Effect(
     equation="actuator",
     place="current",
     term="i u >= 0",
-    says="the driver does not brake: the motor runs free while it is faster than the command",
+    says="the drive pushes but does not brake: what is above its command comes down by itself",
     parameters=parameters,
     starts=starts,
     confusable_with=("coulomb_friction", "quadratic_drag", "load_torque"),
