@@ -217,9 +217,13 @@ class Assembly:
         self.read_c[output] = 0.0
         self.lags.append((output, row, rate))
 
+    def winding(self) -> int:
+        """Return which balance is that of the voltage, -1 where there is none."""
+        return next((k for k, b in enumerate(self.plant.balances) if b.kind == "voltage"), -1)
+
     def dynamic_current(self) -> None:
         """Give an algebraic current a state with a time constant far below anything recorded."""
-        index = next((k for k, b in enumerate(self.plant.balances) if b.kind == "voltage"), -1)
+        index = self.winding()
         if index < 0 or self.row[index] >= 0:
             return
         form, torque = self.forms.balances[index], self.speed
@@ -259,7 +263,7 @@ class Assembly:
         quick = self.current_rate()
         slow = abs(float(self.a[self.speed, self.speed]))
         if quick > 0.0:
-            row = next(b.state for b in self.plant.balances if b.kind == "voltage")
+            row = self.plant.balances[self.winding()].state
             slow += abs(float(self.a[self.speed, row] * self.a[row, self.speed])) / quick
         return (slow, 0.0, 0.0, 0.0, 0.0, quick)
 

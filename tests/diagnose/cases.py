@@ -102,6 +102,15 @@ def logged(folder: Path, project: str, head: str, *columns: NDArray[np.float64])
     return file
 
 
+def lag_project(drive: str, output: str, gain: float, lag: float, train: Sequence[str] = ("log.csv",)) -> str:
+    """Return the text of a project whose plant is a lag of first order without a delay."""
+    return (
+        f'schema = 1\nname = "lag"\n[recordings]\ntrain = {json.dumps(list(train))}\n[plant]\nkind = "first_order"\n'
+        f'input = "{drive}"\noutputs = ["{output}"]\n[plant.parameters]\ngain = {{ value = {gain}, free = true }}\n'
+        f"time_constant_s = {{ value = {lag}, free = true }}\ndelay_s = {{ value = 0.0, free = false }}\n"
+    )
+
+
 class Motor(NamedTuple):
     """A motor of one constant, of which a log holds voltage and speed."""
 

@@ -8,21 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from firmloop.cli import main
+from tests.diagnose.cases import lag_project
 
 LATE, STEP = 0.12, 0.01  # s
-PROJECT = """schema = 1
-name = "motor"
-[recordings]
-train = ["a.csv", "b.csv"]
-[plant]
-kind = "first_order"
-input = "voltage_V"
-outputs = ["speed_rad_s"]
-[plant.parameters]
-gain = { value = 25.0, free = true }
-time_constant_s = { value = 0.3, free = true }
-delay_s = { value = 0.0, free = false }
-"""
+PROJECT = lag_project("voltage_V", "speed_rad_s", 25.0, 0.3, ("a.csv", "b.csv"))
 
 
 def test_what_explains_them_is_written_however_far_off_it_is_from_rest(tmp_path: Path) -> None:

@@ -8,22 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.diagnose.cases import Motor, logged, said_of, turned
+from tests.diagnose.cases import Motor, lag_project, logged, said_of, turned
 
 TOLD = (0.0314, 9.0e-6, 5.5e-6)  # ke, J, b as the project has them
-LAG = """schema = 1
-name = "motor"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "first_order"
-input = "voltage_V"
-outputs = ["speed_rad_s"]
-[plant.parameters]
-gain = { value = 28.0, free = true }
-time_constant_s = { value = 0.03, free = true }
-delay_s = { value = 0.0, free = false }
-"""
+LAG = lag_project("voltage_V", "speed_rad_s", 28.0, 0.03)
 
 
 def _project(folder: Path, motor: Motor, lowest: float) -> Path:

@@ -15,7 +15,7 @@ from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.verdict import refused
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.recordings.recording import make_recording, write_recording
-from tests.diagnose.cases import problem_of, said_of
+from tests.diagnose.cases import lag_project, problem_of, said_of
 
 DUCT = """schema = 1
 name = "duct"
@@ -118,19 +118,7 @@ def test_iron_that_saturates_is_found_in_equations_that_name_no_balance(tmp_path
     assert [each["name"] for each in said["effects"]] == ["inductance_saturation"]
 
 
-PUMP = """schema = 1
-name = "pump"
-[recordings]
-train = ["4.csv", "12.csv"]
-[plant]
-kind = "first_order"
-input = "pump_V"
-outputs = ["pressure_kPa"]
-[plant.parameters]
-gain = { value = 6.0, free = true }
-time_constant_s = { value = 4.0, free = true }
-delay_s = { value = 0.0, free = false }
-"""
+PUMP = lag_project("pump_V", "pressure_kPa", 6.0, 4.0, ("4.csv", "12.csv"))
 
 
 def test_what_answers_an_input_that_nobody_controls_is_no_disturbance(tmp_path: Path) -> None:

@@ -12,22 +12,10 @@ from firmloop.diagnose.data.unwrap import unwrapped
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
-from tests.diagnose.cases import SHORT, drawn, logged, said_of, shortened
+from tests.diagnose.cases import SHORT, drawn, lag_project, logged, said_of, shortened
 
 WHOLE = 5000  # rows of a case
-LAMP = """schema = 1
-name = "lamp"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "first_order"
-input = "led_pct"
-outputs = ["light_pct"]
-[plant.parameters]
-gain = { value = 3.4, free = true }
-time_constant_s = { value = 0.02, free = true }
-delay_s = { value = 0.0, free = false }
-"""
+LAMP = lag_project("led_pct", "light_pct", 3.4, 0.02)
 
 
 @pytest.mark.parametrize(

@@ -9,24 +9,12 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from tests.diagnose.cases import logged
+from tests.diagnose.cases import lag_project, logged
 
-PROJECT = """schema = 1
-name = "lags"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "first_order"
-input = "voltage_V"
-outputs = ["speed_rad_s"]
-[plant.parameters]
-gain = { value = 20.0, free = true }
-time_constant_s = { value = 0.1, free = true }
-delay_s = { value = 0.0, free = false }
-[[plant.effects]]
-name = "sensor_lag"
-time_constant_s = { value = 0.1, free = true }
-"""
+PROJECT = (
+    lag_project("voltage_V", "speed_rad_s", 20.0, 0.1)
+    + '[[plant.effects]]\nname = "sensor_lag"\ntime_constant_s = { value = 0.1, free = true }\n'
+)
 
 
 def test_equal_lags_are_written_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

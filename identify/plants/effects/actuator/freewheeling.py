@@ -37,10 +37,11 @@ def fits(plant: Plant) -> bool:
 
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
-    balance = next((k for k, each in enumerate(assembly.plant.balances) if each.kind == "voltage"), site.balance)
+    winding = assembly.winding()
+    balance = winding if winding >= 0 else site.balance
     row, per = assembly.row[balance], assembly.per[balance]
     by_speed = -float(assembly.a[row, assembly.speed]) / per
-    if balance == site.balance:
+    if winding < 0:
         braking = values[0] * by_speed
         assembly.add_term(row, "free_lag", (braking,), per, (abs(braking * per), 0.0, 0.0, 0.0, 0.0, 0.0))
     else:
