@@ -120,7 +120,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     if crossed:
         figures = {**figures, "cross": {name: _crossed(each, explained) for name, each in crossed.items()}}
     shown = None if explained else refit
-    finding = _measured(finding, found, shown, shape, figures, differing(written, whole))
+    own = differing(written, whole, refit=not explained and finding.verdict == "unknown_physics")
+    finding = _measured(finding, found, shown, shape, figures, own)
     return Diagnosis(finding, found, unnamed if not explained else None, written)
 
 

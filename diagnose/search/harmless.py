@@ -28,12 +28,13 @@ Array = NDArray[np.float64]
 Start = Callable[[Plant, Recording, Array], Array]
 
 
-def _as_recorded(plant: Plant, recording: Recording, constants: Array) -> Array:
+def as_recorded(plant: Plant, recording: Recording, constants: Array) -> Array:
+    """Return the initial state (n,) from which the plant meets all readings of a recording best."""
     return fit_start(plant, recording, constants, NONE)
 
 
-TOLD: tuple[Start, ...] = (placed_start, _as_recorded)  # by all readings, so that no noise of one of them decides
-FIRST: tuple[Start, ...] = (own_start, _as_recorded)  # as `firmloop simulate` begins, without and with --fit-initial
+TOLD: tuple[Start, ...] = (placed_start, as_recorded)  # by all readings, so that no noise of one of them decides
+FIRST: tuple[Start, ...] = (own_start, as_recorded)  # as `firmloop simulate` begins, without and with --fit-initial
 EVERYWHERE: tuple[Start, ...] = (own_start, *TOLD)
 
 

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.attach import label_of, parameters_of, places_of, told_names, values_of, with_effects
-from firmloop.identify.plants.effects import candidates
+from firmloop.identify.plants.effects import candidates, find_effect
 from firmloop.identify.plants.further_states import with_states, without_states
+from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.plant import EffectUse, Plant, Varying
 from firmloop.identify.signal import Signal
 
@@ -110,8 +111,14 @@ def named_effects(plant: Plant) -> frozenset[str]:
 
 
 def ways_to_differ(plant: Plant) -> tuple[tuple[str, ...], ...]:
-    """Return what most often differs between runs of one machine, by the names of a project: each, then each kind."""
-    named = [name for name, listed in _can_be_listed(plant).items() if name != listed.parameter]
+    """Return what most often differs between runs of one machine, by the names of a project: each, then each kind.
+
+    Of a plant with a level of rest that is the zero of its sensor.
+    """
+    known = _can_be_listed(plant)
+    named = [name for name, listed in known.items() if name != listed.parameter]
+    if OUTPUT in known:
+        named = [OUTPUT if _word(name) == find_effect("sensor_offset").per_recording else name for name in named]
     kinds = [tuple(name for name in named if _word(name) == word) for word in dict.fromkeys(map(_word, named))]
     return (*((name,) for name in named), *(kind for kind in kinds if len(kind) > 1))
 

@@ -13,7 +13,6 @@ from firmloop.diagnose.model.candidate import believable, on_bound
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem, first_point, rescaled
 from firmloop.diagnose.search.harmless import by_simulation_error, from_starts, harmless, no_worse, simulation_rms
-from firmloop.diagnose.search.run_to_run import differing
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.recording import make_recording
@@ -85,16 +84,6 @@ def test_the_noise_of_the_first_reading_tells_no_better_plant() -> None:
     assert no_worse(rms["true"], rms["off"]) and not no_worse(rms["off"], rms["true"])
     assert not no_worse(rms["wrong"], rms["true"])
     assert not harmless(true, off, seen) and not harmless(off, true, seen)  # where it begins there all the same
-
-
-def test_recordings_that_begin_at_other_noise_do_not_differ() -> None:
-    plant = make_plant("rotary_stage", ("torque_N_m",), ["position_rad"], {"J_kg_m2": 0.01, "b_N_m_s_rad": 0.1})
-    time, noise = np.arange(300) * 0.01, np.random.default_rng(6).normal(size=(2, 300)) * 1e-3
-    noise[:, 0] = 2e-3, -2e-3
-    driven = {"torque_N_m": 0.1 * (time < 1.0), "position_rad": 0.0 * time}
-    bare = simulate(plant, make_recording(time, driven, "bare.csv", ""), None)[:, 0]
-    logs = [make_recording(time, {**driven, "position_rad": bare + one}, f"{one[0]:g}.csv", "") for one in noise]
-    assert differing(plant, logs) == ((), 1.0)
 
 
 def test_a_value_on_its_bound_is_no_explanation(tmp_path: Path) -> None:
