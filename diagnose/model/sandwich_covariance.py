@@ -80,14 +80,15 @@ def sizes_of(
     own = np.nan_to_num(start_slopes(problem, problem.train[index], fitted.point, index, exact=True))
     tall = whitened(np.concatenate([moves, own], axis=2), sizes)
     scale = np.maximum(np.linalg.norm(tall, axis=0), 1e-300)
-    inverted = np.linalg.pinv(tall / scale, rcond=1e-9) / scale[:, None]
-    alone = 1.0 / np.linalg.norm(inverted, axis=1)[: moves.shape[2]]
+    inverted = np.linalg.pinv(tall / scale, rcond=1e-9)
+    count = moves.shape[2]
+    alone = scale[:count] / np.linalg.norm(inverted[:count], axis=1)
     found = []
     for each in seen:
         goal = whitened(each, sizes)
-        answer = inverted @ goal
+        answer = (inverted @ goal) / scale
         rest, whole = float(np.linalg.norm(goal - tall @ answer)), float(np.linalg.norm(goal))
-        found.append(Sizes(answer[: moves.shape[2]], alone, rest / whole if whole > 0.0 else 0.0))
+        found.append(Sizes(answer[:count], alone, rest / whole if whole > 0.0 else 0.0))
     return found
 
 

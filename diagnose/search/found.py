@@ -41,23 +41,30 @@ class Search:
 
 def candidates_of(search: Search) -> tuple[Candidate, ...]:
     """Return other explanations with as many effects; one that only contains or is contained is no candidate."""
-    return tuple(
-        candidate for candidate, theirs, ours in _others(search) if not (contain(theirs, ours) or contain(ours, theirs))
-    )
+    return _one_each(_no_relatives(search))
 
 
 def near_best(search: Search, within: float = LEVELLED_WITHIN) -> dict[frozenset[LibraryTerm], Candidate]:
-    """Return what is hardly told from the best, one of each hypothesis, the likeliest first."""
-    near: dict[frozenset[LibraryTerm], Candidate] = {}
-    for each in candidates_of(search):
-        if each.score - search.best.score < within and len(near) < LEVELLED:
-            near.setdefault(frozenset(each.fitted.terms), each)
-    return near
+    """Return what is hardly told from the best, the likeliest first."""
+    near = [each for each in candidates_of(search) if each.score - search.best.score < within]
+    return {frozenset(each.fitted.terms): each for each in near[:LEVELLED]}
 
 
 def richer_of(search: Search) -> tuple[Candidate, ...]:
     """Return the explanations with as many effects that have the best as a special case."""
-    return tuple(candidate for candidate, theirs, ours in _others(search) if contain(theirs, ours))
+    return _one_each([candidate for candidate, theirs, ours in _others(search) if contain(theirs, ours)])
+
+
+def _no_relatives(search: Search) -> list[Candidate]:
+    return [each for each, theirs, ours in _others(search) if not (contain(theirs, ours) or contain(ours, theirs))]
+
+
+def _one_each(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Return the first of each hypothesis: one that was fitted from several starts is as probable as any other."""
+    found: dict[frozenset[LibraryTerm], Candidate] = {}
+    for each in candidates:
+        found.setdefault(frozenset(each.fitted.terms), each)
+    return tuple(found.values())
 
 
 def _others(search: Search) -> list[tuple[Candidate, set[str], set[str]]]:
@@ -89,4 +96,4 @@ def as_near(search: Search, other: Candidate) -> bool:
 
 def standing(search: Search) -> tuple[Candidate, ...]:
     """Return other explanations with as many effects that simulate about as near as the best."""
-    return tuple(each for each in candidates_of(search) if as_near(search, each))
+    return _one_each([each for each in _no_relatives(search) if as_near(search, each)])

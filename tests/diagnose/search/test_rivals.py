@@ -9,7 +9,7 @@ import pytest
 
 from firmloop.diagnose.model.candidate import Candidate, extended, rated
 from firmloop.diagnose.model.hypothesis import Problem
-from firmloop.diagnose.search.found import Search
+from firmloop.diagnose.search.found import Search, candidates_of, standing
 from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.held_out import holding
 from tests.diagnose.cases import concealed, nominal_of, problem_of, refitted, shortened, without_tests
@@ -57,3 +57,16 @@ def test_what_is_preferred_by_little_of_all_that_is_explained_gives_way_too(shar
         return
     assert kept.search is not None and kept.search.best.fitted.names == (RIGHT,)
     assert [each.fitted.names for turn in kept.search.rounds for each in turn] == [(RIGHT,)]
+
+
+def test_what_was_fitted_from_several_starts_is_one_explanation(tmp_path: Path) -> None:
+    """Counted once a start, a runner-up had left less than half of the probability to what is right."""
+    problem = problem_of(shortened(without_tests(concealed(tmp_path, RIGHT, 0.3, False))))
+    nominal = nominal_of(problem)
+    right, other = _tried(problem, nominal, RIGHT), problem.term(WRONG)
+    assert other is not None
+    as_near = replace(right, fitted=replace(right.fitted, terms=(other,)))
+    behind = [replace(as_near, score=right.score + each) for each in (11.0, 12.0, 13.0)]
+    found = Search(problem, nominal, right, (tuple(behind), (right,)), (), (nominal.score - right.score,))
+    for beside in (standing(found), candidates_of(found)):
+        assert [each.score for each in beside] == [right.score + 11.0]
