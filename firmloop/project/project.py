@@ -223,25 +223,30 @@ def check_units(project: Project, plant_inputs: Sequence[Signal], plant_output: 
         meets = [(signal, plant_inputs[0]) for signal in project.controller_outputs[:1]]
     else:
         meets = [(s, wire) for s in project.controller_outputs for wire in plant_inputs if s.name == wire.name]
-    _check_same(project, meets)
+    check_same_units(project, meets)
     named = [signal for signal in project.controller_inputs if signal.name in ("measurement", "reference")]
     check_output_unit(project, named, plant_output)
 
 
 def check_output_unit(project: Project, signals: Sequence[Signal], output: Signal) -> None:
     """Raise ProjectError where one of the signals is not in the unit of the plant's output."""
-    _check_same(project, [(signal, output) for signal in signals])
+    check_same_units(project, [(signal, output) for signal in signals])
 
 
-def _check_same(project: Project, meets: Sequence[tuple[Signal, Signal]]) -> None:
+def check_same_units(project: Project, meets: Sequence[tuple[Signal, Signal]], order: str = "") -> None:
+    """Raise ProjectError where a signal is not in the unit of the plant's that it stands for.
+
+    `order` says in which one signals stand for the plant's, where that is by their order.
+    """
     table = project.document.table("signals")
     for signal, wire in meets:
         unit = wire.unit or carried_unit(wire.name)  # a name such as tacho tells none
         if unit and not same_unit(signal.unit, unit):
             times = unit_times(signal.unit, unit)
             hint = f" (1 {signal.unit} is {times:.6g} {unit})" if times else ""
+            cure = order if order and not times else "use one unit"
             raise table.wrong(
-                signal.name, f"is in {signal.unit!r} but the plant's {wire.name} is in {unit!r}{hint}; use one unit"
+                signal.name, f"is in {signal.unit!r} but the plant's {wire.name} is in {unit!r}{hint}; {cure}"
             )
 
 

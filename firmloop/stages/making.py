@@ -14,8 +14,7 @@ from firmloop.design.kinds import design as design_law
 from firmloop.design.law import Law
 from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.plants.plant import Plant
-from firmloop.identify.units import carried_unit
-from firmloop.project.project import Project, check_output_unit, same_unit, unit_times
+from firmloop.project.project import Project, check_output_unit, check_same_units, same_unit
 from firmloop.quantize.program import Program
 from firmloop.quantize.proof import proof
 from firmloop.quantize.twins.qp import optimum
@@ -74,17 +73,9 @@ def _check_order(project: Project, law: Law, plant: Plant) -> None:
         if same_unit(told.unit, read.unit):
             check_output_unit(project, (read, told), plant.outputs[0])
     for carried, wires, key in ((plant.states, law.states, "controller.states or "), (plant.outputs, law.watched, "")):
-        for k, meant in zip(wires, carried, strict=False):
-            signal, unit = law.inputs[k], meant.unit or carried_unit(meant.name)
-            if not unit or same_unit(signal.unit, unit):
-                continue
-            names, times = ", ".join(each.name for each in carried), unit_times(signal.unit, unit)
-            cure = f"{key}[signals] has to name them in this order: {names}"
-            if times:
-                cure = f"1 {signal.unit} is {times:.6g} {unit}; use one unit"
-            raise project.document.table("signals").wrong(
-                signal.name, f"is in {signal.unit!r} but stands for the plant's {meant.name}, in {unit!r}: {cure}"
-            )
+        names = ", ".join(each.name for each in carried)
+        meets = [(law.inputs[k], meant) for k, meant in zip(wires, carried, strict=False)]
+        check_same_units(project, meets, f"{key}[signals] has to name them in this order: {names}")
 
 
 def generate(project: Project, designed: Design, command: str) -> Generated:

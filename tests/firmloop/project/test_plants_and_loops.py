@@ -108,7 +108,7 @@ def test_states_in_another_order_than_the_plant_s_are_refused_by_their_units(
     status, said = designed(MOTOR, law, wires)
     assert status == (2 if refused else 0)
     if refused:
-        assert "angle" in said and "is in 'rad' but stands for the plant's current_A, in 'A'" in said
+        assert "angle" in said and "is in 'rad' but the plant's current_A is in 'A'" in said
         assert "in this order: current_A, speed_rad_s, position_rad" in said
 
 
@@ -116,7 +116,7 @@ def test_a_state_in_degrees_is_told_by_how_much_it_is_off(designed: Said) -> Non
     wires = "\n".join(f"{name} = {wire}" for name, wire in STATES.items()).replace('"rad"', '"deg"')
     law = 'kind = "state_feedback"\nperiod_s = 0.003\nK = [[0.1, 0.16, 8.0]]'
     status, said = designed(MOTOR, law, wires + '\noutput = { unit = "V", low = -12, high = 12 }')
-    assert status == 2 and "1 deg is 0.0174533 rad; use one unit" in said
+    assert status == 2 and "(1 deg is 0.0174533 rad); use one unit" in said
 
 
 @pytest.mark.parametrize(("told", "read"), [("setpoint", "temperature"), ("reference", "y")])
