@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from firmloop.identify.fitting.fit import Fit, RecordingScore
+from firmloop.identify.fitting.fit import Fit
 from firmloop.identify.fitting.own_values import OwnValue
+from firmloop.identify.fitting.scores import RecordingScore
 
 if TYPE_CHECKING:
     from firmloop.design.design import Design

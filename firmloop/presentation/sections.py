@@ -28,7 +28,8 @@ from firmloop.presentation.tuning_table import HEAD, contest_notes, contest_rows
 if TYPE_CHECKING:
     from firmloop.design.analysis.contest import Entry
     from firmloop.design.design import Design
-    from firmloop.identify.fitting.fit import Fit, RecordingScore
+    from firmloop.identify.fitting.fit import Fit
+    from firmloop.identify.fitting.scores import RecordingScore
     from firmloop.identify.recordings.recording import Recording
     from firmloop.stages.analysis import Loop
     from firmloop.stages.data import Data

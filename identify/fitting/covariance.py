@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.effective_samples import Pure, deviations_under, noises_of, widened
 from firmloop.identify.fitting.least_squares import triangle, triangle_of
+from firmloop.identify.plants.plant import Parameter, Plant
 
 Array = NDArray[np.float64]
 
@@ -143,3 +145,24 @@ def _bandwidth(scores: Array) -> int:
     top = np.sum(weight * 4.0 * slope**2 / ((1.0 - slope) ** 6 * (1.0 + slope) ** 2))
     bottom = np.sum(weight / (1.0 - slope) ** 4)
     return int(1.1447 * (top / bottom * len(scores)) ** (1.0 / 3.0)) if bottom > 0.0 else 0
+
+
+def possible(plant: Plant, parameters: Sequence[Parameter]) -> bool:
+    """Tell whether the equations hold at these values: not where one divides by a time constant of zero."""
+    values = [parameter.value for parameter in parameters[: plant.rate.numel_in(2)]]
+    rate = plant.rate(np.ones(plant.rate.numel_in(0)), np.ones(plant.rate.numel_in(1)), values)
+    return bool(np.all(np.isfinite(np.array(rate))))
+
+
+def as_found(parameter: Parameter, value: float, deviation: float, alone: float) -> Parameter:
+    """Set what was found; the solver stops just inside a bound, which is the bound as far as the data can tell.
+
+    Beside the others as they are, too, by its deviation `alone`: of two lags that are hardly told from one another
+    neither is zero. A bound that is impossible itself, a time constant of zero, is none that a value can be.
+    """
+    if not math.isfinite(deviation):
+        return replace(parameter, value=value, deviation=None)
+    for bound in (parameter.low, parameter.high):
+        if abs(value - bound) < min(1e-3 * deviation, 0.1 * alone) and not parameter.logarithmic:
+            value = bound
+    return replace(parameter, value=value, deviation=deviation)

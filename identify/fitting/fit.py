@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.alignment import lag_slopes, lag_steps
-from firmloop.identify.fitting.covariance import Doubt, uncertainty, untold
+from firmloop.identify.fitting.covariance import Doubt, as_found, possible, uncertainty, untold
 from firmloop.identify.fitting.experiment import (
     Experiment,
     aligned,
@@ -27,12 +27,19 @@ from firmloop.identify.fitting.experiment import (
 from firmloop.identify.fitting.hardly_told import hardly_told
 from firmloop.identify.fitting.own_values import OwnValue, own_values
 from firmloop.identify.fitting.problem import FitPoint, FitProblem, bounded, make_problem, shortened, solve, weighted
-from firmloop.identify.fitting.residual_tests import POOR, slow, unexplained
-from firmloop.identify.fitting.scores import Scores, scores
+from firmloop.identify.fitting.residual_tests import POOR, independent, slow, unexplained
+from firmloop.identify.fitting.scores import RecordingScore, scores
 from firmloop.identify.fitting.starting_points import starting_points, without_far_values
-from firmloop.identify.fitting.sufficiency import check_answer, check_moving, check_rows, check_span, check_step
+from firmloop.identify.fitting.sufficiency import (
+    check_answer,
+    check_follows,
+    check_moving,
+    check_rows,
+    check_span,
+    check_step,
+)
 from firmloop.identify.plants.per_recording import centred, in_common, without_value
-from firmloop.identify.plants.plant import Parameter, Plant
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.course import Engine
@@ -49,19 +56,9 @@ _PASSES = 6  # of weighting; two or three settle
 _TURNS = 30  # of aligning clocks; each about halves what is left
 _JOINT_TURNS = 8  # of aligning them together with the parameters; two or three settle
 _DIVERGED = 1e12  # half the mean squared residual over the spread: a million times what was measured
+_CERTAIN = 16.0  # by which twice the log likelihood rises; 1 in 16,000 by chance
 _CLOSE = 0.01  # rows; clocks closer than this are aligned
 _SMALLEST_SHARE = 1e-9  # of a signal's spread: noise below it is rounding
-
-
-@dataclass(frozen=True, slots=True)
-class RecordingScore:
-    """One recording against its simulation; scores are of the conditioned signals, `simulated` is not conditioned."""
-
-    source: str
-    scores: Mapping[str, Scores]  # by output
-    simulated: Array  # (n, r)
-    starts: Array  # (w, n) fitted initial state of each window; one where there are no windows
-    lags: Mapping[str, float]  # s, by aligned output
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +102,35 @@ def fit(
 def judge(found: Fit, train: Sequence[Recording], conditioning: Conditioning) -> None:
     """Raise IdentifyError where a gain is wanted that the recordings do not show."""
     seen = [experiments(found.plant, recording, conditioning) for recording in train]
-    fits = min(figures.r2 for one in found.train for figures in one.scores.values()) >= POOR or not found.slow
-    check_span(found.plant, found.free, found.covariance if fits else np.full_like(found.covariance, math.nan), seen)
-    for parameter in found.plant.parameters:
-        if parameter.name == "gain" and parameter.free:
-            check_answer(found.plant, parameter, seen)
+    explained = min(figures.r2 for one in found.train for figures in one.scores.values())
+    if explained < POOR and found.slow:
+        check_follows(found.plant, explained, seen)
+    else:
+        check_span(found.plant, found.free, found.covariance, seen)
+    gain = next((each for each in found.plant.parameters if each.name == "gain" and each.free), None)
+    if gain is not None and gain.may_be_zero and not _surely_answers(found, train, conditioning, seen):
+        check_answer(found.plant, gain, explained, found.slow, seen)
+
+
+def _surely_answers(
+    found: Fit, train: Sequence[Recording], conditioning: Conditioning, seen: Sequence[Sequence[Experiment]]
+) -> bool:
+    """Tell whether the best fit in which no input acts leaves more beyond doubt, whatever interval the gain has.
+
+    A gain may be unknown for a time constant that is: what follows its input still follows it.
+    """
+    if not any(np.any(np.diff(made.course.drive[:, 0]) < 0.0) for parts in seen for made in parts):
+        return False  # a drift would do as much
+    fixed = tuple(replace(p, value=0.0, free=False) if p.name == "gain" else p for p in found.plant.parameters)
+    try:
+        still = estimate(replace(found.plant, parameters=fixed), train, (), conditioning, near=True, doubt=untold)
+    except IdentifyError:
+        return False
+    better, pairs = 0.0, list(zip(train, found.train, strict=True))
+    for k, (name, after) in enumerate(found.noise.items()):
+        samples = independent([one.columns[name] - score.simulated[:, k] for one, score in pairs])
+        better += 2.0 * samples * math.log(max(still.noise[name], 1e-300) / max(after, 1e-300))
+    return better > _CERTAIN
 
 
 def estimate(
@@ -332,10 +353,10 @@ def _result(
     spread = zip(np.sqrt(np.diag(covariance)).tolist(), alone.tolist(), strict=True)
     deviations = dict(zip(problem.free, spread, strict=True))
     parameters = tuple(
-        _estimated(parameter, float(best.constants[index]), *deviations.get(index, (math.nan, math.nan)))
+        as_found(parameter, float(best.constants[index]), *deviations.get(index, (math.nan, math.nan)))
         for index, parameter in enumerate(plant.parameters)
     )
-    if not _possible(plant, parameters):
+    if not possible(plant, parameters):
         inside = zip(parameters, best.constants.tolist(), strict=True)
         parameters = tuple(replace(parameter, value=value) for parameter, value in inside)
     every = np.concatenate(residuals)
@@ -366,27 +387,6 @@ def _result(
         per_recording=own_values(fitted, [one.source for one in train], best.starts, residuals, whole, count, doubt),
         slow=drifts,
     )
-
-
-def _possible(plant: Plant, parameters: Sequence[Parameter]) -> bool:
-    """Tell whether the equations hold at these values: not where one divides by a time constant of zero."""
-    values = [parameter.value for parameter in parameters[: plant.rate.numel_in(2)]]
-    rate = plant.rate(np.ones(plant.rate.numel_in(0)), np.ones(plant.rate.numel_in(1)), values)
-    return bool(np.all(np.isfinite(np.array(rate))))
-
-
-def _estimated(parameter: Parameter, value: float, deviation: float, alone: float) -> Parameter:
-    """Set what was found; the solver stops just inside a bound, which is the bound as far as the data can tell.
-
-    Beside the others as they are, too, by its deviation `alone`: of two lags that are hardly told from one another
-    neither is zero. A bound that is impossible itself, a time constant of zero, is none that a value can be.
-    """
-    if not math.isfinite(deviation):
-        return replace(parameter, value=value, deviation=None)
-    for bound in (parameter.low, parameter.high):
-        if abs(value - bound) < min(1e-3 * deviation, 0.1 * alone) and not parameter.logarithmic:
-            value = bound
-    return replace(parameter, value=value, deviation=deviation)
 
 
 def _score(engine: Engine, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> RecordingScore:

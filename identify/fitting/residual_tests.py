@@ -9,6 +9,7 @@ independent; its largest value over the lags is judged at 5 % in all (Sidak's co
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,22 @@ def residual_tests(residual: Array, drive: Array) -> ResidualTests:
 def slow(residual: Array) -> bool:
     """Tell whether residuals (n,) move slowly, by von Neumann's ratio, as noise of a sensor does not."""
     return float(np.sum(np.diff(residual) ** 2)) < MEMORY * float(residual @ residual)
+
+
+def independent(residuals: Sequence[Array]) -> float:
+    """Return how many independent samples residuals (q,) of several recordings hold: q / (1 + 2 sum rho)."""
+    count = 0.0
+    for part in residuals:
+        away = part - part.mean()
+        power = np.abs(np.fft.rfft(away, 2 * len(away))) ** 2
+        rho = np.fft.irfft(power, 2 * len(away))[: max(len(away) // 2, 1)]
+        if rho[0] <= 0.0:
+            continue
+        rho = rho / rho[0]
+        below = np.flatnonzero(rho <= 0.0)
+        kept = rho[1 : below[0]] if len(below) else rho[1:]
+        count += len(away) / (1.0 + 2.0 * float(np.sum(kept)))
+    return count
 
 
 def unexplained(kind: str, source: str, output: str, residual: Array, r2: float) -> tuple[str, ...]:

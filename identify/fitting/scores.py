@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,3 +34,14 @@ def scores(measured: Array, simulated: Array) -> Scores:
         mae=float(np.mean(np.abs(miss))),
         r2=1.0 - share,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingScore:
+    """One recording against its simulation; scores are of the conditioned signals, `simulated` is not conditioned."""
+
+    source: str
+    scores: Mapping[str, Scores]  # by output
+    simulated: Array  # (n, r)
+    starts: Array  # (w, n) fitted initial state of each window; one where there are no windows
+    lags: Mapping[str, float]  # s, by aligned output

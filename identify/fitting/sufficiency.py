@@ -22,6 +22,11 @@ _BY_STATE = 2  # readings for each initial state, of which every window has its 
 _SETTLED = 3.0  # time constants: within 5 % of the final value
 _DRIFTS = 100.0  # recordings: a time constant as long as that is none
 _STEP = 1e-5  # of a parameter, over which a time constant is seen to follow it
+_OTHERWISE = (
+    "something else moves it, or it answers in another way than this kind does (by a curve, or bound to where it "
+    "stands, as an arm in gravity), or it rests at another level than 0; plot it over the input, take a plant.kind "
+    "with that physics, give output_at_rest, or record what else drives it"
+)
 _NOISE_FREE = 1e-6  # of a state's largest slope: a pole of zero and what rounding makes of it
 
 
@@ -156,8 +161,31 @@ def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None
     )
 
 
-def check_answer(plant: Plant, gain: Parameter, recordings: Sequence[Sequence[Experiment]]) -> None:
-    """Raise IdentifyError where the 95 % interval of a fitted gain holds 0: the output does not answer the input."""
+def check_follows(plant: Plant, explained: float, recordings: Sequence[Sequence[Experiment]]) -> None:
+    """Raise IdentifyError where a fit that follows an output poorly has run away to a time constant beyond all rows.
+
+    That is no drift of the output: the kind has found nothing to follow. `explained` is the share of its variance.
+    """
+    slowest = outlasting(plant, recordings)
+    longest, span = _longest(recordings)
+    if slowest is not None and slowest > _DRIFTS * span:
+        raise IdentifyError(
+            f"{longest.source}: {_misses(plant, explained)}, and its time constant runs away to {slowest:.2g} s beside "
+            f"{span:.3g} s of recording: {_OTHERWISE}"
+        )
+
+
+def _misses(plant: Plant, explained: float) -> str:
+    return f"{plant.kind} explains only {100.0 * max(explained, 0.0):.2g} % of {plant.outputs[0].name}"
+
+
+def check_answer(
+    plant: Plant, gain: Parameter, explained: float, slow: bool, recordings: Sequence[Sequence[Experiment]]
+) -> None:
+    """Raise IdentifyError where the 95 % interval of a fitted gain holds 0: the output does not answer the input.
+
+    `explained` is the share of the output's variance that is explained; `slow`, that what is left is no white noise.
+    """
     interval = gain.interval_95
     if interval is None or not gain.may_be_zero:
         return
@@ -176,6 +204,11 @@ def check_answer(plant: Plant, gain: Parameter, recordings: Sequence[Sequence[Ex
             f"{told}: {plant.inputs[0].name} only rises, and beside what a {plant.kind} leaves of "
             f"{plant.outputs[0].name} a drift would do as much; record it going up and down, several times, or cut the "
             "recording to where the two go together"
+        )
+    if slow:
+        raise IdentifyError(
+            f"{told}: {_misses(plant, explained)}, and what is left moves slowly, as noise of a sensor does not: "
+            f"{_OTHERWISE}"
         )
     raise IdentifyError(
         f"{told}: as a {plant.kind}, {plant.outputs[0].name} does not answer {plant.inputs[0].name}, or the recording "

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, explained, independent, left_after, remainders
+from firmloop.identify.fitting.evidence import Evidence, explained, left_after, remainders
+from firmloop.identify.fitting.residual_tests import independent
 
 _SHARE = 0.3  # of what is left
 _CERTAIN = 24.0  # by which twice the log likelihood rises: many slow noises look like a line for a while

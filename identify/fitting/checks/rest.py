@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.covariance import untold
-from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, independent, remainders
+from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, remainders
 from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.fit import Fit, about_means, estimate, judge
-from firmloop.identify.fitting.residual_tests import residual_tests
+from firmloop.identify.fitting.residual_tests import independent, residual_tests
 from firmloop.identify.fitting.sufficiency import outlasting
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds

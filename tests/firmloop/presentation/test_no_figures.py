@@ -21,8 +21,8 @@ from firmloop.design.design import Design
 from firmloop.diagnose.controller.faults import Fault
 from firmloop.diagnose.controller.replay import Blame, Cut
 from firmloop.diagnose.finding import Estimate, Finding, Named, Ratio, Shift
-from firmloop.identify.fitting.fit import Fit, RecordingScore
-from firmloop.identify.fitting.scores import Scores
+from firmloop.identify.fitting.fit import Fit
+from firmloop.identify.fitting.scores import RecordingScore, Scores
 from firmloop.identify.plants.plant import Parameter
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.signal import Signal
