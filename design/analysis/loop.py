@@ -76,12 +76,14 @@ class Trajectory:
 
 def loop_response(law: Law, linear: Linear, frequency: Array) -> Response:
     """Return L(exp(j w h)) at the frequencies w (n,) in rad/s."""
-    return _response(law, linearize_law(law), zero_order_hold(linear, law.period))(frequency)
+    sampled = zero_order_hold(linear, law.period)  # a delay that is far too long leaves a tuned law nothing to act with
+    return _response(law, linearize_law(law), sampled)(frequency)
 
 
 def closed_loop_poles(law: Law, linear: Linear) -> Response:
     """Find the poles in the z plane of the linearized law around the sampled plant."""
-    return unit_circle.poles(_ring(law, linearize_law(law), zero_order_hold(linear, law.period)))
+    sampled = zero_order_hold(linear, law.period)
+    return unit_circle.poles(_ring(law, linearize_law(law), sampled))
 
 
 def margins(law: Law, linear: Linear) -> Margins:

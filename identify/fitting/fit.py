@@ -32,6 +32,7 @@ from firmloop.identify.fitting.scores import RecordingScore, scores
 from firmloop.identify.fitting.starting_points import starting_points, without_far_values
 from firmloop.identify.fitting.sufficiency import (
     check_answer,
+    check_delay,
     check_follows,
     check_moving,
     check_rows,
@@ -158,6 +159,7 @@ def estimate(
     unseen = [experiments(plant, recording, conditioning) for recording in test]
     check_moving(seen)
     check_rows(plant, seen)
+    check_delay(plant, seen)
     check_step(plant, seen)
     report(0.05, "choosing starting values")
     problem, steps = bounded(make_problem(plant, engine, seen))

@@ -55,6 +55,11 @@ def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Exp
     low = [math.log(max(p.low, tiny)) if log else p.low for p, log in zip(chosen, logarithmic, strict=True)]
     high = [math.log(min(p.high, huge)) if log else p.high for p, log in zip(chosen, logarithmic, strict=True)]
     values = np.array([p.value for p in chosen])
+    # What comes later than the last row leaves no trace, however much later.
+    span = max(
+        float(made.course.time[made.course.end - 1] - made.course.time[made.course.first]) for made in experiments
+    )
+    high = [min(top, span) if p.name == plant.delay else top for p, top in zip(chosen, high, strict=True)]
     known = np.isfinite(values) & (values != 0.0)
     centre = np.where(known, values, 1.0)
     scale = np.where(logarithmic, 1.0, np.abs(centre))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 _KEPT = 3  # of the grid; distinct basins are few in plants of one or two time constants
 _SPREAD = 3.0  # factor by which a nameplate value may be off before the basin of the fit is in danger
 _STRAIGHT = 1e-6  # of how far outputs move: less is rounding
+_PIECES = 100  # of a recording, over which a change is seen
+_OF_THE_GRID = 16.0  # of the longest delay of a grid: the least share of it that is tried
+_SHARES = 9  # each twice the one before
 _SEED = 20240229  # any; fixed, so that a fit repeats
 
 
@@ -40,8 +43,38 @@ def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Exper
     step = min(made.course.step for made in experiments)
     span = max(float(made.course.time[-1] - made.course.time[0]) for made in experiments)
     shapes = find_kind(plant.kind).shapes(step, span)
+    shapes = (*shapes, *_late(plant, shapes, experiments))
     grid = [np.array([shape.get(name, math.nan) for name in names]) for shape in shapes]
     return _scored(plant, simulator, experiments, [np.where(np.isnan(given), shape, given) for shape in grid])
+
+
+def _late(
+    plant: Plant, shapes: Sequence[Mapping[str, float]], experiments: Sequence[Experiment]
+) -> list[Mapping[str, float]]:
+    """Return shapes whose delay is beyond those of a kind's grid, where the output follows the input so late.
+
+    An input that changes often leaves a valley for each of its changes, and no way from one to the next. The lag at
+    which output and input are most alike holds part of the plant's own lag too, which comes off in several shares.
+    """
+    if plant.delay is None or len(plant.inputs) != 1 or any(plant.delay not in shape for shape in shapes):
+        return []
+    longest = max(shape[plant.delay] for shape in shapes)
+    late = float(np.median([_most_alike(made) for made in experiments]))
+    if late <= longest:
+        return []
+    slow = longest / _OF_THE_GRID
+    delays = [late, *(late - slow * 2.0**k for k in range(_SHARES) if slow * 2.0**k < late)]
+    bare = {tuple(sorted({**shape, plant.delay: 0.0}.items())): shape for shape in shapes}
+    return [{**shape, plant.delay: delay} for shape in bare.values() for delay in delays]
+
+
+def _most_alike(made: Experiment) -> float:
+    """Return by how much an output follows the input where the changes of both are most alike, of either sign, s."""
+    rows, size = max(len(made.measured) // _PIECES, 1), 2 * len(made.measured)
+    drive = made.course.drive[made.course.end - len(made.measured) : made.course.end, 0]
+    one, other = (np.fft.rfft(each[rows:] - each[:-rows], size) for each in (made.measured[:, 0], drive))
+    across = np.fft.irfft(one * np.conj(other), size)[: len(drive)]
+    return float(np.argmax(np.abs(across))) * made.course.step
 
 
 def without_far_values(problem: FitProblem, steps: Sequence[float]) -> FitProblem:

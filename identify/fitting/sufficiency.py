@@ -141,6 +141,18 @@ def _doubt_of_slowest(plant: Plant, free: Sequence[str], covariance: Array, slow
     return math.sqrt(max(variance, 0.0)) if math.isfinite(variance) else math.inf
 
 
+def check_delay(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
+    """Raise IdentifyError where a delay is given that is no shorter than every recording."""
+    given = next((each for each in plant.parameters if each.name == plant.delay), None)
+    longest, span = _longest(recordings)
+    if given is not None and given.value >= span:
+        raise IdentifyError(
+            f"{longest.source}: {given.name} is given as {given.value:.4g} s and the recording lasts {span:.4g} s, so "
+            f"that nothing of {plant.inputs[0].name} arrives within it; correct {given.name} in [plant.parameters], "
+            "which is in seconds, or leave it out to have it found"
+        )
+
+
 def check_step(plant: Plant, recordings: Sequence[Sequence[Experiment]]) -> None:
     """Raise IdentifyError where no input ever changes, and a gain is asked for, or nothing but white noise is read."""
     parts = [made for windows in recordings for made in windows]
@@ -199,6 +211,11 @@ def check_answer(
             "free = false"
         )
     told = f"{where}gain cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g})"
+    if not any(moves(made.target) for made in parts):
+        raise IdentifyError(
+            f"{told}: {plant.outputs[0].name} shows nothing but noise while {plant.inputs[0].name} changes; "
+            "check the wiring, drive the plant further, or record longer if it answers that late"
+        )
     if all(np.all(np.diff(made.course.drive[:, 0]) >= 0.0) for made in parts):
         raise IdentifyError(
             f"{told}: {plant.inputs[0].name} only rises, and beside what a {plant.kind} leaves of "
