@@ -29,6 +29,8 @@ def tell_noun(console: Console, noun: object) -> None:
             tell_design(console, noun.design, noun.loop)
         case Code():
             tell_code(console, noun.generated)
+            if noun.unstable:
+                console.lines([words.UNSTABLE_LOOP])
         case Tracking():
             console.lines(words.about_tracking(noun))
             console.result("tracking", noun.as_dict())

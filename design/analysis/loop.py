@@ -86,6 +86,12 @@ def closed_loop_poles(law: Law, linear: Linear) -> Response:
     return unit_circle.poles(_ring(law, linearize_law(law), sampled))
 
 
+def settles(law: Law, linear: Linear) -> bool:
+    """Tell whether the linearized law around the sampled plant comes to rest."""
+    sampled = zero_order_hold(linear, law.period)
+    return unit_circle.within(_ring(law, linearize_law(law), sampled), 1 - ON_CIRCLE)
+
+
 def margins(law: Law, linear: Linear) -> Margins:
     """Measure the loop broken at the plant's first input; the measurement is the plant's first output."""
     sampled, linearized = zero_order_hold(linear, law.period), linearize_law(law)

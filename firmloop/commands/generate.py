@@ -22,12 +22,12 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from firmloop.door.generate import generate
     from firmloop.door.load import load
     from firmloop.output import results_folder, written
-    from firmloop.presentation.telling import tell_code
+    from firmloop.told import tell_noun
 
     project = load(arguments.project)
     with results_folder(arguments.out, ()) as folder:
         made = generate(project, stage=progress)
-        tell_code(console, made.generated)
+        tell_noun(console, made)
         write_files(made.files, folder)
     written(console, arguments.out, made.files)
     return 0

@@ -18,6 +18,7 @@ from firmloop.presentation.sections import code_section
 from firmloop.project.project import Project, require
 from firmloop.quantize.program import Program
 from firmloop.stages import making
+from firmloop.stages.analysis import runs_away
 from firmloop.stages.making import Generated
 from firmloop.stages.plant import command_of
 from firmloop.stages.progress import Stage, quietly
@@ -33,12 +34,15 @@ class Code:
         where it comes from; the plant is None where the project has none
     generated
         program, bundle, manifest, proof and package
+    unstable
+        whether the loop around the plant is unstable, where no `design` has told it before
     """
 
     project: Project
     plant: Plant | None
     design: Design
     generated: Generated
+    unstable: bool = False
 
     @property
     def program(self) -> Program:
@@ -86,4 +90,6 @@ def generate_for(verb: str, source: Project | Identified | Designed, stage: Stag
         plant = plant_given(source)
         design = making.design(project, plant)
     with stage("generating C"):
-        return Code(project, plant, design, making.generate(project, design, command_of(verb, project.path)))
+        made = making.generate(project, design, command_of(verb, project.path))
+        untold = not isinstance(source, Designed)
+        return Code(project, plant, design, made, untold and runs_away(project, design, plant))

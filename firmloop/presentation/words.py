@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 UNREACHED = "reference not reached"
 NO_LIMIT, NOT_REACHED = "no limit", "not reached"  # what it means where a margin, or a time, is infinite
+UNSTABLE_LOOP = (
+    "  note: the loop of this controller around [plant] is UNSTABLE; `firmloop design` tells its margins: correct the "
+    "gains or the plant before it drives anything"
+)
 MARGINS = (
     ("gain margin", "gain_margin_db", "dB"),
     ("phase margin", "phase_margin_deg", "deg"),

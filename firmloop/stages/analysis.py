@@ -14,16 +14,19 @@ from firmloop.design.analysis.loop import (
     closed_loop,
     margins,
     samples_to_rest,
+    settles,
     slowest_lag,
     step_profile,
 )
 from firmloop.design.analysis.step_metrics import StepMetrics, step_metrics
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
 from firmloop.design.design import Design
-from firmloop.design.law import Horizon
+from firmloop.design.law import DesignError, Horizon
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.linearize import Linear, linearize
 from firmloop.project.project import Project
+from firmloop.project.table import ProjectError
 from firmloop.quantize.twins.qp import optimum
 from firmloop.stages.bode import Bode, bode
 from firmloop.stages.plant import located
@@ -52,12 +55,7 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
 
     None where the controller has no single reference, or follows the plant's own equations, which are not linear.
     """
-    solve = designed.law.solve
-    if (
-        len(designed.law.inputs) < 2
-        or not designed.law.paired
-        or (solve is not None and isinstance(solve.problem, Horizon))
-    ):
+    if not _has_a_loop(designed):
         return None
     with located(project):
         linear = linearize(plant)
@@ -79,6 +77,23 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         followed = bode(law, plant, found.crossover_rad_s)
         beyond = beyond_reach(law.inputs, law.outputs, plant, linear)
         return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond)
+
+
+def runs_away(project: Project, designed: Design, plant: Plant | None) -> bool:
+    """Tell whether the loop around the plant is surely unstable; not where `analyze` has nothing to close."""
+    if plant is None or not _has_a_loop(designed):
+        return False
+    try:
+        with located(project):
+            return not settles(designed.law, linearize(plant))
+    except (DesignError, IdentifyError, ProjectError):
+        return False
+
+
+def _has_a_loop(designed: Design) -> bool:
+    solve = designed.law.solve
+    follows = solve is not None and isinstance(solve.problem, Horizon)
+    return len(designed.law.inputs) > 1 and designed.law.paired and not follows
 
 
 def _moves(step: Trajectory) -> bool:

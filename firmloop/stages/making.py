@@ -42,6 +42,7 @@ def design(project: Project, plant: Plant | None) -> Design:
     """Tune or take the gains, and write the law."""
     part = project.controller
     assert part is not None, "require() has seen to it"
+    _check_rule_keys(project)
     with located(project):
         found = design_law(
             part.kind,
@@ -56,6 +57,29 @@ def design(project: Project, plant: Plant | None) -> Design:
     if plant is not None and "A" not in part.settings and "C" not in part.settings:
         _check_order(project, found.law, plant)
     return found
+
+
+def _check_rule_keys(project: Project) -> None:
+    """Refuse keys of the controller's own rule in [tuning], where `firmloop tune` alone reads them.
+
+    Raises
+    ------
+    ProjectError
+        naming the key, and where it belongs.
+    """
+    part = project.controller
+    assert part is not None, "require() has seen to it"
+    rule = part.settings.get("tune")
+    if part.kind != "pid" or "tuning" not in project.document.values or not isinstance(rule, str):
+        return
+    beside = project.document.table("tuning").table(rule)
+    for key, value in beside.values.items():
+        if part.settings.get(key) != value:
+            raise beside.wrong(
+                key,
+                f"read by `firmloop tune` alone; controller.tune = '{rule}' goes by the keys beside it: "
+                f"write {key} in [controller], too, or leave it out here",
+            )
 
 
 def _check_order(project: Project, law: Law, plant: Plant) -> None:

@@ -69,3 +69,25 @@ def test_a_schedule_tells_its_margins_at_each_point(
     assert first["phase_margin_deg"] == pytest.approx(second["phase_margin_deg"])
     assert main(["tune", str(project), "--out", str(tmp_path / "tuned")]) == 2
     assert "take kind = " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["design", "generate"])
+def test_a_key_of_the_rule_that_only_tune_reads_is_not_passed_over(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    """The loop would be tuned by the rule's default, beside a table that holds the same rule as it was asked for."""
+    rule = '\n[tuning.pole_placement]\nnatural_frequency_rad_s = 3.0\nterms = "pi"\n'
+    project.write_text(project.read_text().replace("kp = 0.8\nki = 0.5", 'tune = "pole_placement"') + rule)
+    assert main([verb, str(project), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "[tuning.pole_placement] natural_frequency_rad_s = 3.0" in said and "in [controller], too" in said
+
+
+@pytest.mark.parametrize(("kp", "unstable"), [(0.8, False), (400.0, True)])
+def test_generate_tells_of_a_loop_that_is_unstable_around_the_plant(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kp: float, unstable: bool
+) -> None:
+    text = project.read_text().replace("delay_s = { value = 0.0", "delay_s = { value = 0.3")
+    project.write_text(text.replace("kp = 0.8", f"kp = {kp}"))
+    assert main(["generate", str(project), "--out", str(tmp_path / "out")]) == 0
+    assert ("around [plant] is UNSTABLE" in capsys.readouterr().out) is unstable
