@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise
-from typing import TypeVar
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +20,20 @@ from firmloop.identify.fitting.experiment import (
     conditioned,
     delayed,
     experiments,
-    misfit,
-    plainly_conditioned,
 )
 from firmloop.identify.fitting.hardly_told import hardly_told
-from firmloop.identify.fitting.own_values import OwnValue, own_values
-from firmloop.identify.fitting.problem import FitPoint, FitProblem, bounded, make_problem, shortened, solve, weighted
+from firmloop.identify.fitting.own_values import OwnValue, own_values, unseen_own
+from firmloop.identify.fitting.problem import (
+    FitPoint,
+    FitProblem,
+    bounded,
+    by_recording,
+    make_problem,
+    plain_residuals,
+    shortened,
+    solve,
+    weighted,
+)
 from firmloop.identify.fitting.residual_tests import POOR, independent, slow, unexplained
 from firmloop.identify.fitting.scores import RecordingScore, scores
 from firmloop.identify.fitting.starting_points import starting_points, without_far_values
@@ -39,6 +46,7 @@ from firmloop.identify.fitting.sufficiency import (
     check_span,
     check_step,
 )
+from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.per_recording import centred, in_common, without_value
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
@@ -48,7 +56,6 @@ from firmloop.identify.simulation.simulate import constants_of, simulator
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
-_T = TypeVar("_T")
 
 _TRIAL_STEPS = 25  # per start; enough to see which basin it is in
 _FINAL_STEPS = 200
@@ -104,13 +111,27 @@ def judge(found: Fit, train: Sequence[Recording], conditioning: Conditioning) ->
     """Raise IdentifyError where a gain is wanted that the recordings do not show."""
     seen = [experiments(found.plant, recording, conditioning) for recording in train]
     explained = min(figures.r2 for one in found.train for figures in one.scores.values())
-    if explained < POOR and found.slow:
+    if explained < POOR and found.slow and not _drifts(found, train, conditioning):
         check_follows(found.plant, explained, seen)
     else:
         check_span(found.plant, found.free, found.covariance, seen)
     gain = next((each for each in found.plant.parameters if each.name == "gain" and each.free), None)
     if gain is not None and gain.may_be_zero and not _surely_answers(found, train, conditioning, seen):
         check_answer(found.plant, gain, explained, found.slow, seen)
+
+
+def _drifts(found: Fit, train: Sequence[Recording], conditioning: Conditioning) -> bool:
+    """Tell whether the kind follows the outputs once a straight line is taken out of them."""
+    kind = kinds().get(found.plant.kind)
+    if kind is None or kind.scale is None:
+        return False
+    guessed = {each.name for each in kind.constants if each.guessable}
+    bare = found.plant.valued({p.name: math.nan for p in found.plant.parameters if p.free and p.name in guessed})
+    try:
+        after = estimate(bare, train, (), replace(conditioning, detrend=tuple(found.noise)), doubt=untold)
+    except IdentifyError:
+        return False
+    return min(figures.r2 for one in after.train for figures in one.scores.values()) >= POOR
 
 
 def _surely_answers(
@@ -181,7 +202,10 @@ def estimate(
     best = FitPoint(*centred(plant, best.constants, best.starts))
     scored = tuple(_unseen_score(problem, best, parts) for parts in unseen)
     found = _result(plant, problem, best, scored, costs, doubt)
-    own = [_unseen_own(found, problem, parts, score) for parts, score in zip(unseen, scored, strict=True)]
+    own = [
+        unseen_own(found.plant, problem.engine, problem.weights, parts, score)
+        for parts, score in zip(unseen, scored, strict=True)
+    ]
     return replace(found, per_recording=(*found.per_recording, *chain.from_iterable(own)))
 
 
@@ -252,8 +276,8 @@ def _align(problem: FitProblem, begin: FitPoint, report: Progress) -> tuple[FitP
     for turn in range(_TURNS):
         report(0.75 + 0.14 * turn / _TURNS, f"aligning clocks {turn + 1}")
         shifted: list[Experiment] = []
-        begun = _by_recording(problem, list(point.starts))
-        for parts, starts in zip(_by_recording(problem, problem.experiments), begun, strict=True):
+        begun = by_recording(problem, list(point.starts))
+        for parts, starts in zip(by_recording(problem, problem.experiments), begun, strict=True):
             shifted.extend(aligned(parts, _run(problem.engine, point.constants, parts, starts)))
         change = max(
             abs(late - old.lags.get(name, 0.0)) / new.course.step
@@ -269,11 +293,11 @@ def _align(problem: FitProblem, begin: FitPoint, report: Progress) -> tuple[FitP
 
 def _realigned(problem: FitProblem, begin: FitPoint) -> tuple[FitPoint, FitProblem]:
     """Take lags and parameters to their common minimum: in turns they come near it ever more slowly."""
-    point, members = begin, _by_recording(problem, list(range(len(problem.experiments))))
+    point, members = begin, by_recording(problem, list(range(len(problem.experiments))))
     for _ in range(_JOINT_TURNS):
         steps = lag_steps(problem, point, members)
         shifted: list[Experiment] = []
-        for parts, step in zip(_by_recording(problem, problem.experiments), steps, strict=True):
+        for parts, step in zip(by_recording(problem, problem.experiments), steps, strict=True):
             longest = parts[0].conditioning.align_max_lag_s
             lags = {
                 name: float(np.clip(late + more, -longest, longest))
@@ -287,21 +311,6 @@ def _realigned(problem: FitProblem, begin: FitPoint) -> tuple[FitPoint, FitProbl
     return point, problem
 
 
-def _left(problem: FitProblem, at: FitPoint) -> list[Array]:
-    """Return the residuals (q, r) of each experiment without what smoothing makes of them."""
-    plain = [plainly_conditioned(made) for made in problem.experiments]
-    return [
-        made.target - conditioned(made, delayed(made, problem.engine.run(made.course, at.constants, start)))
-        for made, start in zip(plain, at.starts, strict=True)
-    ]
-
-
-def _by_recording(problem: FitProblem, values: Sequence[_T]) -> list[Sequence[_T]]:
-    """Group what stands window after window by recording."""
-    edges = np.cumsum([0, *problem.windows]).tolist()
-    return [values[first:end] for first, end in pairwise(edges)]
-
-
 def _run(engine: Engine, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> list[Array]:
     return [engine.run(made.course, constants, start) for made, start in zip(parts, starts, strict=True)]
 
@@ -313,18 +322,6 @@ def _unseen_score(problem: FitProblem, point: FitPoint, parts: Sequence[Experime
         parts = aligned(parts, _run(problem.engine, point.constants, parts, list(starts)))
         starts = _best_starts(problem, point.constants, parts)
     return _score(problem.engine, point.constants, parts, list(starts))
-
-
-def _unseen_own(
-    found: Fit, problem: FitProblem, parts: Sequence[Experiment], score: RecordingScore
-) -> tuple[OwnValue, ...]:
-    """Return what a recording that was not fitted has of its own, beside the parameters as they were found."""
-    if not found.plant.varying:
-        return ()
-    made, weights = replace(parts[0], lags=score.lags), problem.weights
-    residual, slopes = misfit(made, problem.engine, constants_of(found.plant), score.starts[0], ())
-    left = [residual * weights], [slopes * weights[:, None]]
-    return own_values(found.plant, [score.source], score.starts, *left, 0)
 
 
 def _result(
@@ -365,11 +362,11 @@ def _result(
     unknowns = (count + best.starts.size) / every.shape[1]
     noise = np.sqrt(np.sum(every**2, axis=0) / max(len(every) - unknowns, 1.0)) / problem.weights
     fitted = replace(plant, parameters=parameters)
-    grouped, began = _by_recording(problem, problem.experiments), _by_recording(problem, list(best.starts))
+    grouped, began = by_recording(problem, problem.experiments), by_recording(problem, list(best.starts))
     train = tuple(
         _score(problem.engine, best.constants, parts, starts) for parts, starts in zip(grouped, began, strict=True)
     )
-    left = [np.concatenate(parts).T for parts in _by_recording(problem, _left(problem, best))]
+    left = [np.concatenate(parts).T for parts in by_recording(problem, plain_residuals(problem, best))]
     poor = [
         said
         for one, columns in zip(train, left, strict=True)

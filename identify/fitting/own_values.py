@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.covariance import Doubt, uncertainty
-from firmloop.identify.fitting.experiment import best_start, experiments, misfit
+from firmloop.identify.fitting.experiment import Experiment, best_start, experiments, misfit
 from firmloop.identify.fitting.least_squares import descend, triangle
+from firmloop.identify.fitting.scores import RecordingScore
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Parameter, Plant, Varying
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.course import Engine
 from firmloop.identify.simulation.linearize import linearize
-from firmloop.identify.simulation.simulate import drive_of, measured, rest_start, seen_places, simulator
+from firmloop.identify.simulation.simulate import constants_of, drive_of, measured, rest_start, seen_places, simulator
 
 Array = NDArray[np.float64]
 
@@ -185,3 +187,14 @@ def _with_states(
         return triangle(tall, (residual * weights).reshape(-1, 1))
 
     return with_own(descend(reduced_at, start[states])[1])
+
+
+def unseen_own(
+    plant: Plant, engine: Engine, weights: Array, parts: Sequence[Experiment], score: RecordingScore
+) -> tuple[OwnValue, ...]:
+    """Return what a recording that was not fitted has of its own, beside the parameters of a plant as it was found."""
+    if not plant.varying:
+        return ()
+    residual, slopes = misfit(replace(parts[0], lags=score.lags), engine, constants_of(plant), score.starts[0], ())
+    left = [residual * weights], [slopes * weights[:, None]]
+    return own_values(plant, [score.source], score.starts, *left, 0)

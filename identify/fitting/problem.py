@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.fitting.experiment import Experiment, misfit
+from firmloop.identify.fitting.experiment import Experiment, conditioned, delayed, misfit, plainly_conditioned
 from firmloop.identify.fitting.least_squares import Reduced, Unknowns, minimize, triangle
 from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import MOST_STEPS, Engine
 
 Array = NDArray[np.float64]
+_T = TypeVar("_T")
 
 _FAR = 1e9  # times the noise: what a diverged simulation counts
 _STEEP = 1e15  # slopes beyond it belong to such a simulation
@@ -167,3 +170,18 @@ def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPo
     found = minimize(evaluate, Unknowns(place, begin.starts), problem.low, problem.high, evaluations)
     rows = sum(made.target.size for made in problem.experiments)
     return at_coordinates(problem, begin.constants, found.place.shared, found.place.own), 0.5 * found.cost / rows
+
+
+def plain_residuals(problem: FitProblem, at: FitPoint) -> list[Array]:
+    """Return the residuals (q, r) of each experiment without what smoothing makes of them."""
+    plain = [plainly_conditioned(made) for made in problem.experiments]
+    return [
+        made.target - conditioned(made, delayed(made, problem.engine.run(made.course, at.constants, start)))
+        for made, start in zip(plain, at.starts, strict=True)
+    ]
+
+
+def by_recording(problem: FitProblem, values: Sequence[_T]) -> list[Sequence[_T]]:
+    """Group what stands window after window by recording."""
+    edges = np.cumsum([0, *problem.windows]).tolist()
+    return [values[first:end] for first, end in pairwise(edges)]

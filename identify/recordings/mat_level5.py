@@ -19,7 +19,7 @@ _ORDERS = {b"IM": "<", b"MI": ">"}
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _COMPLEX = 0x0800
-_STRUCTURE, _OBJECT = 2, 17  # classes of variables; the latter are tables, timetables, strings
+_STRUCTURE, _OBJECTS = 2, (3, 17)  # classes of variables; the latter are tables, timetables, timeseries, strings
 _DEEPEST = 8  # structures in structures
 
 
@@ -31,11 +31,20 @@ class _Element:
 
 
 @dataclass(frozen=True, slots=True)
+class Unread:
+    """A variable that is not read, in words: an object that only MATLAB opens, or an array of structures."""
+
+    says: str
+
+
+OBJECT, STRUCTURES = Unread("an object that only MATLAB can open"), Unread("an array of structures")
+
+
+@dataclass(frozen=True, slots=True)
 class MatVariables:
-    """What a file holds by name: arrays, and structures as mappings of the same; `objects` that only MATLAB opens."""
+    """What a file holds by name: arrays, structures as mappings of the same, and what is not read."""
 
     values: Mapping[str, object]
-    objects: bool
 
 
 def mat_variables(content: bytes) -> MatVariables:
@@ -50,17 +59,15 @@ def mat_variables(content: bytes) -> MatVariables:
     if order is None:
         raise ValueError("its header does not say how bytes are ordered")
     values: dict[str, object] = {}
-    at, objects = HEADER, False
+    at = HEADER
     while at < len(content):
         element = _element(content, at, order)
         if element.kind == _MATRIX:
-            kind, _ = _flags(element.body, order)
-            objects = objects or kind == _OBJECT
             found = _variable(element.body, order, _DEEPEST)
             if found is not None:
                 values[found[0]] = found[1]
         at = element.end
-    return MatVariables(values, objects)
+    return MatVariables(values)
 
 
 def _element(content: bytes, at: int, order: str) -> _Element:
@@ -85,6 +92,8 @@ def _variable(body: bytes, order: str, depth: int) -> tuple[str, object] | None:
     kind, flags = _flags(body, order)
     if kind == _STRUCTURE:
         return _structure(body, order, depth)
+    if kind in _OBJECTS:
+        return _name(_parts(body, order, 2)[1]), OBJECT  # an opaque one has no sizes
     if kind not in _CLASSES or flags & _COMPLEX:
         return None
     parts = _parts(body, order, 4)  # flags, sizes, name, values
@@ -100,13 +109,15 @@ def _variable(body: bytes, order: str, depth: int) -> tuple[str, object] | None:
     return _name(parts[2]), values.astype(_CLASSES[kind]).reshape(sizes, order="F")
 
 
-def _structure(body: bytes, order: str, depth: int) -> tuple[str, Mapping[str, object]] | None:
+def _structure(body: bytes, order: str, depth: int) -> tuple[str, object] | None:
     """Read one structure: flags, sizes, name, the length of field names, the names, then a variable a field."""
     parts = _parts(body, order, None)
     if len(parts) < 5 or len(parts[3].body) != _WORD:
         raise ValueError("a structure has no fields")
-    if depth == 0 or math.prod(_sizes(parts[1], order)) != 1:
+    if depth == 0:
         return None
+    if math.prod(_sizes(parts[1], order)) != 1:
+        return _name(parts[2]), STRUCTURES
     length = max(int(np.frombuffer(parts[3].body, order + "i4")[0]), 1)
     names = [parts[4].body[k : k + length].partition(b"\0")[0] for k in range(0, len(parts[4].body), length)]
     if len(names) != len(parts) - 5:

@@ -61,7 +61,18 @@ def read_recording(
 
     Raises IdentifyError naming file, row, column and what to do.
     """
-    raw, digest = read_raw(path)
+    return recording_of(path, *read_raw(path), rename, hold, clock)
+
+
+def recording_of(
+    path: Path,
+    raw: RawTable,
+    digest: str,
+    rename: Mapping[str, Column],
+    hold: str = "zero_order",
+    clock: RowClock | None = None,
+) -> Recording:
+    """Make a recording of what `read_raw` has found in a file; else as `read_recording`."""
     table = arranged(raw, rename, clock, str(path))
     _check_rows(path, table)
     given = {rename.get(name, Column(name)).name: (name, rename.get(name, Column(name))) for name in raw.names}

@@ -22,7 +22,7 @@ from firmloop.identify.recordings.guess import (
     refuse_twins,
     rename_of,
 )
-from firmloop.identify.recordings.recording import Recording, read_raw, read_recording
+from firmloop.identify.recordings.recording import Recording, read_raw, recording_of
 from firmloop.identify.recordings.table import RawTable, told_words
 from firmloop.identify.recordings.wrapping import wraps_at_a_turn
 from firmloop.identify.simulation.linear_filter import filtered
@@ -41,6 +41,15 @@ _FREELY = (
     "the equations that you expect (kind ode, or a stage of a machine)"
 )
 _CURES = 3  # that a file's clock may take one after the other: a counter that wraps, then lost digits
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    """A file, and what `read_raw` has found in it: each is read once, however many guesses are tried."""
+
+    path: Path
+    raw: RawTable
+    digest: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,16 +75,17 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     IdentifyError
         when there is no time, no input or no output, when two columns seem to be one, or a file lacks a column.
     """
-    first, file = _without(read_raw(paths[0])[0], left_out, paths[0]), str(paths[0])
+    files = [_File(path, *read_raw(path)) for path in paths]
+    first, file = _without(files[0].raw, left_out, paths[0]), str(paths[0])
     time = None if period is not None else guess_time(first)
     if time is None and period is None:
         raise IdentifyError(
             f"{file}: no column seems to be the time; it has {', '.join(first.names)[:200]}{told_words(first.words)}; "
             f"{'write decimal numbers there, or ' if first.words else ''}{_unnamed_clock(first)}give the time "
-            "between two rows, s: --period 0.001"
+            "between two rows, s, such as --period 0.001"
         )
     columns = guess_columns(first, time)
-    first, levels = _with_levels(first, paths[1:], columns)
+    first, levels = _with_levels(first, [each.raw for each in files[1:]], columns)
     still = tuple(each for each in columns if np.ptp(first.columns[first.names.index(each.foreign)]) == 0.0)
     # What is read from a plant moves within a recording: where it only differs from one to the next, it is no answer.
     still += tuple(each for each in columns if each.foreign in levels and each.reads > 0 and not each.reference)
@@ -105,11 +115,11 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     used = (*((time,) if time else ()), drive, *outputs)
     refuse_twins(used, moving, file)
     rename, clock = rename_of(used), None if period is None else RowClock(period)
-    recordings, rename, clock = _read(paths, rename, clock)
+    recordings, rename, clock = _read(files, rename, clock)
     turning = {each.foreign: each for each in outputs if wraps_at_a_turn(recordings, each.name)}
     if turning:
         wraps = {foreign: replace(each.column, wraps=_turn(each.unit)) for foreign, each in turning.items()}
-        recordings, rename, clock = _read(paths, {**rename, **wraps}, clock)
+        recordings, rename, clock = _read(files, {**rename, **wraps}, clock)
     named = [each.foreign for each in used]
     asides = [_aside(each, each in still, levels) for each in columns if each.foreign not in named]
     asides += [f"column {name} {holds} and is not used" for name, holds in first.words.items() if name not in left_out]
@@ -138,7 +148,7 @@ def _without(table: RawTable, left_out: Sequence[str], path: Path) -> RawTable:
 
 
 def _with_levels(
-    first: RawTable, others: Sequence[Path], columns: Sequence[Guessed]
+    first: RawTable, others: Sequence[RawTable], columns: Sequence[Guessed]
 ) -> tuple[RawTable, frozenset[str]]:
     """Return the rows to judge columns by, and which columns only differ from recording to recording, as steps may.
 
@@ -148,7 +158,7 @@ def _with_levels(
     still = [each.foreign for each in columns if np.ptp(values[each.foreign]) == 0.0]
     if not still:
         return first, frozenset()
-    tables = [first, *(table for path in others if set(first.names) <= set((table := read_raw(path)[0]).names))]
+    tables = [first, *(table for table in others if set(first.names) <= set(table.names))]
     parts = {name: [table.columns[table.names.index(name)] for table in tables] for name in first.names}
     differ = [name for name in still if np.ptp(np.concatenate(parts[name])) > 0.0]
     if not differ:
@@ -263,12 +273,12 @@ def _aside(each: Guessed, still: bool, levels: Collection[str]) -> str:
 
 
 def _read(
-    paths: Sequence[Path], rename: Mapping[str, Column], clock: RowClock | None
+    files: Sequence[_File], rename: Mapping[str, Column], clock: RowClock | None
 ) -> tuple[tuple[Recording, ...], Mapping[str, Column], RowClock | None]:
-    """Read all files in one way; a complaint that prints lines to paste is answered by them."""
+    """Name the columns of all files in one way; a complaint that prints lines to paste is answered by them."""
     for _ in range(_CURES):
         try:
-            return tuple(read_recording(path, rename, clock=clock) for path in paths), rename, clock
+            return _named(files, rename, clock), rename, clock
         except IdentifyError as error:
             if not error.paste:
                 raise
@@ -277,4 +287,8 @@ def _read(
             if "period_s" in part:
                 clock = RowClock(float(part["period_s"]), float(part.get("start_s", 0.0)))
             rename = {**rename, **{key: Column(**column) for key, column in part.get("rename", {}).items()}}
-    return tuple(read_recording(path, rename, clock=clock) for path in paths), rename, clock
+    return _named(files, rename, clock), rename, clock
+
+
+def _named(files: Sequence[_File], rename: Mapping[str, Column], clock: RowClock | None) -> tuple[Recording, ...]:
+    return tuple(recording_of(each.path, each.raw, each.digest, rename, clock=clock) for each in files)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from itertools import islice, product
+from itertools import islice, pairwise, product
 
 from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread
@@ -110,6 +110,16 @@ def _some_rows(lines: list[str], first: int, dialect: Dialect) -> list[list[str]
     return [cells_of(line, dialect) for line in islice(rows, _MOST)]
 
 
+def _header_to_write(lines: list[str], table: Dialect, width: int) -> str:
+    """Say which names a table without a header may have; a first column that does not rise is no time."""
+    read = [_numbers(line, table)[0].strip() for line in lines[table.first : table.first + _MOST] if line.strip()]
+    first = [float(each) for each in read if is_number(each)]
+    rises = len(first) > 1 and all(one < other for one, other in pairwise(first))
+    columns = ", ".join(("time_s" if rises else "column_1", *(f"column_{k}" for k in range(2, width + 1)))[:6])
+    untimed = "; without a column of times, give the time between two rows: --period of init, or recordings.period_s"
+    return f"write one line above, such as {columns}{'' if rises else untimed}"
+
+
 def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
     """Find the names, and the units where a line of them stands below."""
     width = len(cells_of(lines[table.first], table)) - table.trailing
@@ -120,8 +130,7 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
         remedy = f"they are of an older run: delete lines 1 to {late - 1}, or split the file"
         return Misread(f"line {late}", "is the header, but rows stand above it", remedy)
     if not above:
-        columns = ", ".join(("time_s", *(f"column_{k}" for k in range(2, width + 1)))[:6])
-        return Misread("", "has no header: its first line holds numbers", f"write one line above, such as {columns}")
+        return Misread("", "has no header: its first line holds numbers", _header_to_write(lines, table, width))
     headers = {k: names for k in above if (names := _names(lines[k], table, width))}
     if above[:2] and headers and next(iter(headers)) == above[0] and _all_units(headers[above[0]]):
         numbered = _numbered(lines[above[1]], table, width) if len(above) > 1 else ()

@@ -1,7 +1,8 @@
 """Turn objects in JSON into the text of a table; a value in another object is named by its path.
 
 Each stands in a line of its own, or all in one list, however its lines are broken; or the columns are lists in one
-object; or each line is a list of values, the first one of their names.
+object; or each line is a list of values, the first one of their names. A list of objects may stand in an object beside
+what else is told of it, and rows beside their names.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ MOST_DOCUMENT = 1 << 24  # bytes of a text that is one list or object: it takes 
 _STARTING = 60  # lines that a board may say before its first object
 _NO_CELL = str.maketrans({",": ";", '"': "'", **dict.fromkeys("\t\n\r\v\f", " ")})  # 1,5 stays no number
 _ONE_LINE = 'write each sample in a line of its own, as {"time_s": 0.0, "voltage_V": 6.0}; delete a torn line'
+_NAMES_FIRST = 'let the first list hold the names, as ["time_s", "voltage_V", "speed_rad_s"]'
 _ONE_KIND = "write the same names in every line, or one file for each kind of line"
 _BEGINS = re.compile(r'\s*(\{\s*("|\}|$)|\[\s*([{\["\]]|$))')
 
@@ -67,6 +69,9 @@ def _document(text: str) -> list[object] | Misread | None:
     held = _loaded(text)
     if not isinstance(held, _Object):
         return held if isinstance(held, list) else None
+    inner = _samples_within(held)
+    if inner is not None:
+        return inner
     columns = [values for _, values in held if isinstance(values, list) and not isinstance(values, _Object)]
     if len(columns) < max(len(held), 2):
         return None
@@ -75,6 +80,17 @@ def _document(text: str) -> list[object] | Misread | None:
         return Misread("", f"has lists of different lengths: {sizes[:200]}", "write one value a row for each name")
     names = [name for name, _ in held]
     return [_Object(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]
+
+
+def _samples_within(held: _Object) -> list[object] | None:
+    """Return the only list of objects in an object, or a list of rows under the names beside it; None without one."""
+    lists = {name: each for name, each in held if isinstance(each, list) and not isinstance(each, _Object)}
+    samples = [each for each in lists.values() if each and all(isinstance(one, _Object) for one in each)]
+    if len(samples) == 1:
+        return samples[0]
+    names, rows = lists.get("columns", []), lists.get("data", [])
+    apart = [one for one in rows if not isinstance(one, list) or isinstance(one, _Object) or len(one) != len(names)]
+    return [names, *rows] if names and rows and not apart else None
 
 
 def _loaded(text: str) -> object:
@@ -101,6 +117,8 @@ def _rows(samples: Iterable[tuple[int, object]], place: str) -> list[str] | Misr
                 wrong = f"has {len(held)} values for {len(names)} names"
                 return Misread(f"{place} {number}", wrong, "complete the row or delete it")
             held = _Object(zip(names, held, strict=True)) if names else held
+        if isinstance(held, list) and not isinstance(held, _Object):
+            return Misread(f"{place} {number}", "is a list of values, and nothing gives their names", _NAMES_FIRST)
         if not isinstance(held, _Object):
             return Misread(f"{place} {number}", "is no object in JSON", _ONE_LINE)
         cells = list(_flat(held, "", 0))
