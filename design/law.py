@@ -186,6 +186,7 @@ class Law:
     rest: tuple[float, ...] = ()  # what each input stands at on paper where it is neither r nor y; empty: near 0
     states: tuple[int, ...] = ()  # inputs that carry the plant's states, in their order; empty: y is all it measures
     watched: tuple[int, ...] = ()  # inputs that carry the plant's outputs, where it is more than y
+    watched_outputs: tuple[int, ...] = ()  # which output of the plant each of those carries; empty: the first ones
     first: ca.Function | None = None  # (x, z) -> x of the first sample: as if its inputs z had always stood
     opening: str = ""  # the state variable that is 0 in the first sample and 1 after it
     safe: tuple[float | None, ...] = ()  # outputs where an input is not finite; None, or empty: its low limit

@@ -270,14 +270,16 @@ def _measured(law: Law, sampled: Sampled) -> tuple[list[int], Array, Array]:
     """Find the inputs of the law that the plant drives, and the plant's c (inputs, n) and d (inputs,) for them."""
     if not law.states:
         wires = list(law.watched) or [reference_and_measurement(law.inputs)[1]]
-        return wires, sampled.c[: len(wires)], sampled.d[: len(wires), 0]
+        rows = list(law.watched_outputs) or list(range(len(wires)))
+        return wires, sampled.c[rows], sampled.d[rows, 0]
     own = len(law.states)
     return list(law.states), np.eye(own, len(sampled.a)), np.zeros(own)
 
 
 def _seen(law: Law, c: Array) -> Array:
     """Return what the law measures of the plant's state and past inputs."""
-    return np.eye(len(law.states), c.shape[1]) if law.states else c[: max(1, len(law.watched))]
+    rows = list(law.watched_outputs) or list(range(max(1, len(law.watched))))
+    return np.eye(len(law.states), c.shape[1]) if law.states else c[rows]
 
 
 def _transfer(a: Array, b: Array | Response, c: Array, z: Response) -> Response:

@@ -50,6 +50,7 @@ def find_gains(request: Request, model: Model | None) -> tuple[FeedbackGains, Mo
             f"but [signals] gives {len(others)}; add signals, or give controller.observer"
         )
     if kind != "none":
+        others = _in_order(model, others, names)  # the first of them is what the reference is for
         model = _measured_by(model, [names[k] for k in others])
     feedback, ki = _feedback(request, model)
     forward = np.zeros(drives)
@@ -76,6 +77,14 @@ def _gain_alone(request: Request, kind: str, states: int) -> Model:
     still = np.zeros((states, states))
     names = tuple(f"x_{k}" for k in range(1, states + 1))
     return Model(still, np.zeros((states, len(request.outputs))), still, states, names, ("1",) * states, ())
+
+
+def _in_order(model: Model, wires: list[int], names: list[str]) -> list[int]:
+    """Return the inputs in the order of the model's outputs, where they are called as those are."""
+    places = {output.lower(): k for k, output in enumerate(model.outputs)}
+    if any(names[k].lower() not in places for k in wires):
+        return wires
+    return sorted(wires, key=lambda k: places[names[k].lower()])
 
 
 def _measured_by(model: Model, names: list[str]) -> Model:

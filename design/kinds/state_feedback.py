@@ -154,7 +154,11 @@ def _law(request: Request, model: Model, gains: FeedbackGains) -> Law:
     check_names(request, [*(symbol.name() for symbol, _ in state), *named])
     pairs = list(zip(limited, free, strict=True))
     law = write(request, _says(request, model, gains), parts.z, state, ranges, pairs, named)
-    return law if gains.correction is not None else replace(law, states=gains.measured)
+    if gains.correction is None:
+        return replace(law, states=gains.measured)
+    plant = [] if request.plant is None or "A" in request.table else [each.name for each in request.plant.outputs]
+    rows = tuple(plant.index(name) for name in model.outputs if name in plant)
+    return replace(law, watched=gains.measured, watched_outputs=rows if len(rows) == len(gains.measured) else ())
 
 
 def _ranges(

@@ -96,7 +96,8 @@ def _check_order(project: Project, law: Law, plant: Plant) -> None:
         told, read = (law.inputs[k] for k in reference_and_measurement(law.inputs))
         if same_unit(told.unit, read.unit):
             check_output_unit(project, (read, told), plant.outputs[0])
-    for carried, wires, key in ((plant.states, law.states, "controller.states or "), (plant.outputs, law.watched, "")):
+    watched = [plant.outputs[k] for k in law.watched_outputs] or plant.outputs
+    for carried, wires, key in ((plant.states, law.states, "controller.states or "), (watched, law.watched, "")):
         names = ", ".join(each.name for each in carried)
         meets = [(law.inputs[k], meant) for k, meant in zip(wires, carried, strict=False)]
         check_same_units(project, meets, f"{key}[signals] has to name them in this order: {names}")

@@ -131,3 +131,41 @@ def test_the_unit_of_a_loop_is_that_of_the_plant_whatever_its_signals_are_called
     got, said = designed(AMBIENT, law, wires)
     assert got == status
     assert status == 0 or f"is in '{unit}' but the plant's temperature_C is in 'degC'" in said
+
+
+OBSERVERS = {
+    "luenberger": 'observer = "luenberger"\nobserver_poles = [0.3, 0.4]',
+    "kalman": 'observer = "kalman"\nprocess_noise = [1.0, 1.0]\nmeasurement_noise = 1.0',
+}
+SPEED_MOTOR = MOTOR.replace('["position_rad"]', '["speed_rad_s", "current_A"]')
+WEIGHTED = 'kind = "state_feedback"\nperiod_s = 0.001\nQ = [1.0, 0.1]\nR = 1.0\n'
+DRIVE = '\noutput = { unit = "V", low = -12, high = 12 }'
+
+
+@pytest.mark.parametrize("observer", OBSERVERS)
+@pytest.mark.parametrize(
+    ("unit", "words"), [("rpm", "1 rpm is 0.10472 rad/s"), ("A", "the plant's speed_rad_s is in 'rad/s'")]
+)
+def test_what_an_observer_measures_is_in_the_unit_of_the_plant(
+    observer: str, unit: str, words: str, designed: Said
+) -> None:
+    wires = f'w = {{ unit = "{unit}", low = -300, high = 300 }}' + DRIVE
+    status, said = designed(SPEED_MOTOR, WEIGHTED + OBSERVERS[observer], wires)
+    assert status == 2 and words in said
+
+
+@pytest.mark.parametrize("order", [("speed_rad_s", "current_a"), ("current_a", "speed_rad_s")])
+def test_the_reference_is_for_the_plant_s_first_output_however_the_signals_stand(
+    order: tuple[str, ...], designed: Said
+) -> None:
+    """N r = V + K x at rest, for the speed that a volt holds: 1/(ke + R b/kt) rad/s, at b w/kt in A."""
+    units = {"speed_rad_s": '"rad/s", low = -300, high = 300', "current_a": '"A", low = -9, high = 9'}
+    wires = 'reference = { unit = "rad/s", low = -300, high = 300 }\n'
+    wires += "\n".join(f"{name} = {{ unit = {units[name]} }}" for name in order) + DRIVE
+    law = WEIGHTED + OBSERVERS["kalman"].replace("noise = 1.0", "noise = [1.0, 1.0]")
+    status, said = designed(SPEED_MOTOR, law, wires)
+    assert status == 0
+    figures = dict(each.split() for line in said.splitlines() if "N_0" in line for each in line.strip().split(", "))
+    speed = 1.0 / (0.031 + 1.3 * 1.5e-5 / 0.031)
+    wanted = 1.0 + float(figures["K_0_0"]) * 1.5e-5 * speed / 0.031 + float(figures["K_0_1"]) * speed
+    assert float(figures["N_0"]) * speed == pytest.approx(wanted, rel=1e-3)
