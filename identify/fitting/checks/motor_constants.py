@@ -13,7 +13,7 @@ from firmloop.identify.fitting.checks.scale import (
     FACTORS,
     asked_counts,
     in_unit,
-    scaled,
+    share_of_supply,
     turning,
     unit_of_factor,
 )
@@ -28,7 +28,6 @@ _NEARLY = 0.2  # and that far off, by what a data sheet's constant may be, a uni
 _USUAL = ("in revolutions per minute", "in degrees")  # usual units of a speed, before any encoder
 _PRINTED = 0.002  # of a constant, that the digits of a data sheet leave open: as near as this a unit is exact
 _ALIKE = 0.5  # of the logarithm of the ratio: what a doubtful nominal resistance may be off besides
-_PERCENT = 100.0
 _WIDEST = 0.3  # relative deviation of a constant that is known
 
 
@@ -117,17 +116,8 @@ def _of_the_voltage(ratio: float, name: str, most: float) -> str:
     unit = unit_of_factor(ratio, _UNIT, name)
     if unit in ELECTRIC:
         return f"{name} looks {unit}, for R_ohm is off alike; if so, {in_unit(name, str(unit))}"
-    scale = float(f"{1.0 / ratio:.2g}")  # about: which voltage it is, is read off the supply
-    full = next((each for each in (1.0, _PERCENT) if most <= each), 0.0)
-    share = " in percent" if full == _PERCENT else ""
-    of_it = {1.0: "its volts", _PERCENT: "a hundredth of its volts"}.get(
-        full, "its volts over the count of a full duty"
-    )
-    about = f", about {scale * full:g} V," if full else ""
-    return (
-        f"{name} looks in another unit, or a share of the supply{share} (the duty of a PWM), for R_ohm is off alike; "
-        f"if so, measure the supply{about} and with {of_it} as the scale {scaled(name, scale)}"
-    )
+    share, cure = share_of_supply(name, most, 1.0 / ratio)
+    return f"{name} looks in another unit, or {share}, for R_ohm is off alike; if so, {cure}"
 
 
 def _known(parameter: Parameter, evidence: Evidence) -> bool:

@@ -20,6 +20,7 @@ _FAR = math.log(5.0)  # factors beyond it are no inaccuracy of nominal parameter
 _HUGE = math.log(200.0)  # a factor beyond it is no doubt of nominal values, which need not fit so well either
 _NEAR_HUGE = 1.1
 _FEWEST_COUNTS = 28.0  # a turn: an encoder of 7 lines, of which it counts the four edges
+PERCENT = 100.0
 _PLACEHOLDER = 1.0  # a free gain of exactly this is no claim
 
 FACTORS = {
@@ -54,6 +55,21 @@ def unit_of_factor(factor: float, near: float, name: str) -> str | None:
             if says != "per minute" or unit.endswith("/s"):
                 found.append((abs(math.log(factor / known)), says))
     return min(found)[1] or None
+
+
+def share_of_supply(name: str, most: float, times: float) -> tuple[str, str]:
+    """Say that a voltage may be a share of the supply, and the line that makes it `times` as large then.
+
+    `most` is the largest of its numbers, by which a share is one in ones, in percent, or in counts.
+    """
+    scale = float(f"{times:.2g}")  # about: which voltage it is, is read off the supply
+    full = next((each for each in (1.0, PERCENT) if most <= each), 0.0)
+    of_it = {1.0: "its volts", PERCENT: "a hundredth of its volts"}.get(full, "its volts over the count of a full duty")
+    about = f", about {scale * full:g} V," if full else ""
+    return (
+        f"a share of the supply{' in percent' if full == PERCENT else ''} (the duty of a PWM)",
+        f"measure the supply{about} and with {of_it} as the scale {scaled(name, scale)}",
+    )
 
 
 def turning(name: str) -> bool:
@@ -153,16 +169,30 @@ def _of_a_start(evidence: Evidence, name: str, factor: float) -> str:
     )
 
 
+def _asked_share(evidence: Evidence, drive: str, most: float, factor: float) -> str:
+    """Ask whether a voltage that never goes beyond 1 is a duty, where as many volts a unit are no other unit of it."""
+    if unit_of(drive) != "V" or len(evidence.given.inputs) > 1 or not most <= 1.0 < factor:
+        return ""
+    if unit_of_factor(1.0 / factor, _NEAR, drive):
+        return ""
+    says, cure = share_of_supply(drive, most, factor)
+    return f"is {drive}, which never goes beyond 1, {says}? then {cure}"
+
+
 def _looks(evidence: Evidence, name: str, factor: float, unit: str | None) -> str:
     """Say in which unit a reading looks that is so many times too large, with the line that mends it."""
+    drive = evidence.given.inputs[0].name
+    most = max(float(np.max(np.abs(each.columns[drive]))) for each in evidence.recordings)
     if turning(name):
         unit = unit_of_factor(factor, _SHAFT, name)
-    counts = "" if unit and unit_of_factor(factor, _SURE, name) else asked_counts(evidence, name, factor)
+    share = _asked_share(evidence, drive, most, factor)
+    if share and not unit:
+        return f"{share}; else give {name} its unit there"
+    counts = share if share or (unit and unit_of_factor(factor, _SURE, name)) else asked_counts(evidence, name, factor)
     if unit:
         return f"it looks {unit}: {in_unit(name, unit)}" + (f"; or {counts}" if counts else "")
     if counts:
         return f"{counts}; else give it its unit there"
-    drive = evidence.given.inputs[0].name
     pushed = unit_of_factor(1.0 / factor, _SHAFT, drive) if factor < 1.0 and len(evidence.given.inputs) == 1 else None
     if pushed:
         return f"{drive} looks {pushed}: {in_unit(drive, pushed)}; else give the column its unit there"
