@@ -66,6 +66,12 @@ def make_plant(
     if not found.inputs and len(drives) != 1:
         raise IdentifyError(f"plant.inputs {list(drives)}: {kind} has one input, of any name")
     _check_outputs(found, outputs)
+    for name in outputs:
+        if name in drives:
+            raise IdentifyError(
+                f"plant.outputs: {name} is what drives the plant, too, and would answer itself; name the column "
+                "that is read from the plant"
+            )
     constants = found.constants
     if found.per_unit is not None and drives not in found.inputs:
         unit = unit_of(drives[0])
@@ -125,6 +131,8 @@ def read_parameter(kind: str, constant: PlantConstant, parameters: Mapping[str, 
         raise IdentifyError(f"{key}.free is {free!r}; it is true (the fit may change it) or false")
     low = max(_number(f"{key}.low", entry.get("low", constant.low)), constant.low)
     high = min(_number(f"{key}.high", entry.get("high", constant.high)), constant.high)
+    if low > high:
+        raise IdentifyError(f"{key}: low is {low:g} and high is {high:g}; exchange or correct them")
     value = _number(f"{key}.value", entry["value"])
     if not low <= value <= high or math.isinf(value):
         raise IdentifyError(f"{key}.value is {value:g} {constant.unit}; it must lie within {low:g} and {high:g}")

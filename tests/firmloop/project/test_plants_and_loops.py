@@ -169,3 +169,19 @@ def test_the_reference_is_for_the_plant_s_first_output_however_the_signals_stand
     speed = 1.0 / (0.031 + 1.3 * 1.5e-5 / 0.031)
     wanted = 1.0 + float(figures["K_0_0"]) * 1.5e-5 * speed / 0.031 + float(figures["K_0_1"]) * speed
     assert float(figures["N_0"]) * speed == pytest.approx(wanted, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ('["flow_l_min"]', '["valve_V"]', "plant.outputs: valve_V is what drives the plant, too"),
+        ("value = -3.2, free", "value = -3.2, low = 5, high = 4, free", "low is 5 and high is 4; exchange or correct"),
+    ],
+)
+def test_a_plant_that_answers_itself_or_has_its_bounds_exchanged_is_refused(
+    before: str, after: str, words: str, designed: Said
+) -> None:
+    wires = 'reference = { unit = "V", low = -9, high = 9 }\nmeasurement = { unit = "V", low = -9, high = 9 }'
+    law = 'kind = "pid"\nperiod_s = 0.1\nkp = 1.0\nki = 1.0'
+    status, said = designed(STATIC.replace(before, after), law, wires + DRIVE)
+    assert status == 2 and words in said
