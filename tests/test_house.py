@@ -6,6 +6,7 @@ import ast
 import gc
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
 
@@ -318,6 +319,15 @@ def test_a_folder_is_small() -> None:
     files = [path for path in SOURCES if path.name != "__init__.py"]
     sizes = {_id(folder): len([path for path in files if path.parent == folder]) for folder in FOLDERS}
     assert not {folder: size for folder, size in sizes.items() if size > LARGEST_FOLDER}
+
+
+def test_every_test_file_is_collected(request: pytest.FixtureRequest) -> None:
+    """Of two of one name pytest takes the first, and it goes into no folder that it is told to leave out."""
+    files = list((ROOT / "tests").rglob("test_*.py"))
+    assert len({path.name for path in files}) == len(files)
+    left_out = request.config.getini("norecursedirs")
+    parts = {part for path in files for part in path.relative_to(ROOT).parts}
+    assert not [part for part in parts for pattern in left_out if fnmatch(part, pattern)]
 
 
 def _numbers_that_decide() -> Iterator[tuple[Path, str]]:
