@@ -76,25 +76,22 @@ class Trajectory:
 
 def loop_response(law: Law, linear: Linear, frequency: Array) -> Response:
     """Return L(exp(j w h)) at the frequencies w (n,) in rad/s."""
-    sampled = zero_order_hold(linear, law.period)  # a delay that is far too long leaves a tuned law nothing to act with
-    return _response(law, linearize_law(law), sampled)(frequency)
+    return _response(law, *_both(law, linear))(frequency)
 
 
 def closed_loop_poles(law: Law, linear: Linear) -> Response:
     """Find the poles in the z plane of the linearized law around the sampled plant."""
-    sampled = zero_order_hold(linear, law.period)
-    return unit_circle.poles(_ring(law, linearize_law(law), sampled))
+    return unit_circle.poles(_ring(law, *_both(law, linear)))
 
 
 def settles(law: Law, linear: Linear) -> bool:
     """Tell whether the linearized law around the sampled plant comes to rest."""
-    sampled = zero_order_hold(linear, law.period)
-    return unit_circle.within(_ring(law, linearize_law(law), sampled), 1 - ON_CIRCLE)
+    return unit_circle.within(_ring(law, *_both(law, linear)), 1 - ON_CIRCLE)
 
 
 def margins(law: Law, linear: Linear) -> Margins:
     """Measure the loop broken at the plant's first input; the measurement is the plant's first output."""
-    sampled, linearized = zero_order_hold(linear, law.period), linearize_law(law)
+    linearized, sampled = _both(law, linear)
     ring = _ring(law, linearized, sampled)
     poles, stable = unit_circle.poles(ring), unit_circle.within(ring, 1 - ON_CIRCLE)
     response = _response(law, linearized, sampled)
@@ -237,7 +234,7 @@ def _solved_run(
 
 def noise_gain(law: Law, linear: Linear) -> float:
     """Rms of the output over the rms of white noise on the measurement, in the stable linearized loop (its H2 norm)."""
-    linearized, sampled = linearize_law(law), zero_order_hold(linear, law.period)
+    linearized, sampled = _both(law, linear)
     wires, _, _ = _measured(law, sampled)
     ring, a_size = _ring(law, linearized, sampled), len(state_space(sampled)[0])
     b_law, d_law = linearized.b[:, wires[:1]], linearized.d[:1, wires[:1]]
@@ -246,6 +243,15 @@ def noise_gain(law: Law, linear: Linear) -> float:
     assert b.shape[0] == len(ring) == a_size + len(linearized.a)
     spread = scipy.linalg.solve_discrete_lyapunov(ring, b @ b.T)
     return math.sqrt(max(float((c @ spread @ c.T + d_law @ d_law.T)[0, 0]), 0.0))
+
+
+def _both(law: Law, linear: Linear) -> tuple[LinearLaw, Sampled]:
+    """Return the linearized law and the sampled plant, the latter made first.
+
+    A delay that is far too long leaves a tuned law nothing to act with, and is what has to be told.
+    """
+    sampled = zero_order_hold(linear, law.period)
+    return linearize_law(law), sampled
 
 
 def _response(law: Law, linearized: LinearLaw, sampled: Sampled) -> Callable[[Array], Response]:
@@ -270,7 +276,7 @@ def _measured(law: Law, sampled: Sampled) -> tuple[list[int], Array, Array]:
     """Find the inputs of the law that the plant drives, and the plant's c (inputs, n) and d (inputs,) for them."""
     if not law.states:
         wires = list(law.watched) or [reference_and_measurement(law.inputs)[1]]
-        rows = list(law.watched_outputs) or list(range(len(wires)))
+        rows = _rows(law)
         return wires, sampled.c[rows], sampled.d[rows, 0]
     own = len(law.states)
     return list(law.states), np.eye(own, len(sampled.a)), np.zeros(own)
@@ -278,8 +284,12 @@ def _measured(law: Law, sampled: Sampled) -> tuple[list[int], Array, Array]:
 
 def _seen(law: Law, c: Array) -> Array:
     """Return what the law measures of the plant's state and past inputs."""
-    rows = list(law.watched_outputs) or list(range(max(1, len(law.watched))))
-    return np.eye(len(law.states), c.shape[1]) if law.states else c[rows]
+    return np.eye(len(law.states), c.shape[1]) if law.states else c[_rows(law)]
+
+
+def _rows(law: Law) -> list[int]:
+    """Return which outputs of the plant the law measures, y or those that it watches."""
+    return list(law.watched_outputs) or list(range(max(1, len(law.watched))))
 
 
 def _transfer(a: Array, b: Array | Response, c: Array, z: Response) -> Response:

@@ -81,10 +81,15 @@ def _gain_alone(request: Request, kind: str, states: int) -> Model:
 
 def _in_order(model: Model, wires: list[int], names: list[str]) -> list[int]:
     """Return the inputs in the order of the model's outputs, where they are called as those are."""
+    rows = _rows_called(model, [names[k] for k in wires])
+    return wires if rows is None else [wire for _, wire in sorted(zip(rows, wires, strict=True))]
+
+
+def _rows_called(model: Model, names: list[str]) -> list[int] | None:
+    """Return the rows of C of these outputs; None where one of them is called otherwise."""
     places = {output.lower(): k for k, output in enumerate(model.outputs)}
-    if any(names[k].lower() not in places for k in wires):
-        return wires
-    return sorted(wires, key=lambda k: places[names[k].lower()])
+    plain = [name.lower() for name in names]
+    return [places[name] for name in plain] if all(name in places for name in plain) else None
 
 
 def _measured_by(model: Model, names: list[str]) -> Model:
@@ -94,9 +99,7 @@ def _measured_by(model: Model, names: list[str]) -> Model:
             f"the observer has {len(names)} measurement(s) ({', '.join(names)}) of a model with {len(model.outputs)} "
             f"output(s) ({', '.join(model.outputs)}); correct [signals] or the model's outputs"
         )
-    by_name = {output.lower(): k for k, output in enumerate(model.outputs)}
-    plain = [name.lower() for name in names]
-    rows = [by_name[name] for name in plain] if all(name in by_name for name in plain) else list(range(len(names)))
+    rows = _rows_called(model, names) or list(range(len(names)))
     outputs = tuple(model.outputs[k] for k in rows)
     return Model(model.a, model.b, model.c[rows], model.order, model.names, model.units, outputs)
 

@@ -8,9 +8,7 @@ import numpy as np
 
 from firmloop.diagnose.policy import CLOSER_RMS, SAME_RMS
 from firmloop.diagnose.search.harmless import as_recorded, overall_rms
-from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.covariance import untold
-from firmloop.identify.fitting.fit import estimate
+from firmloop.identify.fitting.fit import tried
 from firmloop.identify.plants.per_recording import ways_to_differ, with_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
@@ -29,19 +27,12 @@ def differing(plant: Plant, recordings: Sequence[Recording], refit: bool = False
     together = np.maximum(overall_rms(plant, recordings, as_recorded), 1e-300)
     found = {}
     for names in ways_to_differ(plant):
-        made = with_varying(plant, names)
-        made = _refitted(made, recordings) if refit else made
+        own = with_varying(plant, names)
+        anew = tried(own, recordings, NONE) if refit else None
+        made = own if anew is None else anew.plant
         each = overall_rms(made, recordings, as_recorded) / together
         if np.all(each <= SAME_RMS) and np.min(each) < CLOSER_RMS:
             found[names] = float(np.min(each))
     # One before many, where many do no more.
     least = min(found, key=lambda names: found[names] * len(names), default=())
     return least, found.get(least, 1.0)
-
-
-def _refitted(plant: Plant, recordings: Sequence[Recording]) -> Plant:
-    """Return the plant fitted anew; as it is where it cannot be."""
-    try:
-        return estimate(plant, recordings, (), NONE, doubt=untold).plant
-    except IdentifyError:
-        return plant

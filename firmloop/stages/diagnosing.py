@@ -17,9 +17,8 @@ from firmloop.diagnose.run import Diagnosis, diagnose
 from firmloop.diagnose.sentences import with_doubt
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.checks.early import early_outputs
-from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence
-from firmloop.identify.fitting.fit import estimate
+from firmloop.identify.fitting.fit import tried
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording
@@ -76,9 +75,8 @@ def _check_early(plant: Plant, train: Sequence[Recording], made: Diagnosis) -> N
     if (after or finding.train.refit or 0.0) < _MUCH:
         return
     begin = plant if refit is None else plant.valued({p.name: p.value for p in refit.parameters})
-    try:
-        fitted = estimate(begin, train, (), NONE, near=refit is not None, doubt=untold)
-    except IdentifyError:
+    fitted = tried(begin, train, NONE, near=refit is not None)
+    if fitted is None:
         return  # what identify cannot fit has no lag that could be told
     shown = made.search.nominal if still else made.shown
     sizes = [rms_of(each.fitted.residuals) for each in (made.search.nominal, shown)]

@@ -45,6 +45,11 @@ class Remainder:
     own: Array
 
 
+def sources_of(recordings: Sequence[Recording]) -> str:
+    """Return the files of recordings, for a sentence."""
+    return ", ".join(dict.fromkeys(recording.source for recording in recordings))
+
+
 def run_as_given(plant: Plant, recording: Recording) -> Array | None:
     """Return the outputs (n, r) of the plant as given, from rest; None without values, or where it grows and grows."""
     constants = np.array([parameter.value for parameter in plant.parameters])

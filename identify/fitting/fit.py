@@ -34,7 +34,7 @@ from firmloop.identify.fitting.problem import (
     solve,
     weighted,
 )
-from firmloop.identify.fitting.residual_tests import POOR, independent, slow, unexplained
+from firmloop.identify.fitting.residual_tests import POOR, likelier, slow, unexplained
 from firmloop.identify.fitting.scores import RecordingScore, scores
 from firmloop.identify.fitting.starting_points import starting_points, without_far_values
 from firmloop.identify.fitting.sufficiency import (
@@ -52,7 +52,7 @@ from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.course import Engine
-from firmloop.identify.simulation.simulate import constants_of, simulator
+from firmloop.identify.simulation.simulate import constants_of, measured, simulator
 
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
@@ -90,6 +90,11 @@ class Fit:
     per_recording: tuple[OwnValue, ...] = ()
     slow: bool = False  # what is left of some output moves slowly, as noise of a sensor does not
 
+    @property
+    def explained(self) -> float:
+        """The least share of an output's variance that is explained in a train recording."""
+        return min(figures.r2 for one in self.train for figures in one.scores.values())
+
 
 def fit(
     plant: Plant,
@@ -110,14 +115,13 @@ def fit(
 def judge(found: Fit, train: Sequence[Recording], conditioning: Conditioning) -> None:
     """Raise IdentifyError where a gain is wanted that the recordings do not show."""
     seen = [experiments(found.plant, recording, conditioning) for recording in train]
-    explained = min(figures.r2 for one in found.train for figures in one.scores.values())
-    if explained < POOR and found.slow and not _drifts(found, train, conditioning):
-        check_follows(found.plant, explained, seen)
+    if found.explained < POOR and found.slow and not _drifts(found, train, conditioning):
+        check_follows(found.plant, found.explained, seen)
     else:
         check_span(found.plant, found.free, found.covariance, seen)
     gain = next((each for each in found.plant.parameters if each.name == "gain" and each.free), None)
     if gain is not None and gain.may_be_zero and not _surely_answers(found, train, conditioning, seen):
-        check_answer(found.plant, gain, explained, found.slow, seen)
+        check_answer(found.plant, gain, found.explained, found.slow, seen)
 
 
 def _drifts(found: Fit, train: Sequence[Recording], conditioning: Conditioning) -> bool:
@@ -127,11 +131,8 @@ def _drifts(found: Fit, train: Sequence[Recording], conditioning: Conditioning) 
         return False
     guessed = {each.name for each in kind.constants if each.guessable}
     bare = found.plant.valued({p.name: math.nan for p in found.plant.parameters if p.free and p.name in guessed})
-    try:
-        after = estimate(bare, train, (), replace(conditioning, detrend=tuple(found.noise)), doubt=untold)
-    except IdentifyError:
-        return False
-    return min(figures.r2 for one in after.train for figures in one.scores.values()) >= POOR
+    after = tried(bare, train, replace(conditioning, detrend=tuple(found.noise)))
+    return after is not None and after.explained >= POOR
 
 
 def _surely_answers(
@@ -144,15 +145,11 @@ def _surely_answers(
     if not any(np.any(np.diff(made.course.drive[:, 0]) < 0.0) for parts in seen for made in parts):
         return False  # a drift would do as much
     fixed = tuple(replace(p, value=0.0, free=False) if p.name == "gain" else p for p in found.plant.parameters)
-    try:
-        still = estimate(replace(found.plant, parameters=fixed), train, (), conditioning, near=True, doubt=untold)
-    except IdentifyError:
+    still = tried(replace(found.plant, parameters=fixed), train, conditioning, near=True)
+    if still is None:
         return False
-    better, pairs = 0.0, list(zip(train, found.train, strict=True))
-    for k, (name, after) in enumerate(found.noise.items()):
-        samples = independent([one.columns[name] - score.simulated[:, k] for one, score in pairs])
-        better += 2.0 * samples * math.log(max(still.noise[name], 1e-300) / max(after, 1e-300))
-    return better > _CERTAIN
+    left = [measured(found.plant, one) - score.simulated for one, score in zip(train, found.train, strict=True)]
+    return likelier(still.noise, found.noise, left) > _CERTAIN
 
 
 def estimate(
@@ -212,8 +209,14 @@ def estimate(
 def about_means(plant: Plant, train: Sequence[Recording], conditioning: Conditioning) -> Plant | None:
     """Return the plant that fits all deviations from the means, in which no level takes part; None where none does."""
     signals = tuple(signal.name for signal in (*plant.inputs, *plant.outputs))
+    found = tried(plant, train, replace(conditioning, remove_offset=signals))
+    return None if found is None else found.plant
+
+
+def tried(plant: Plant, train: Sequence[Recording], conditioning: Conditioning, near: bool = False) -> Fit | None:
+    """Return a fit that is only compared, without intervals; None where none can be made."""
     try:
-        return estimate(plant, train, (), replace(conditioning, remove_offset=signals), doubt=untold).plant
+        return estimate(plant, train, (), conditioning, near=near, doubt=untold)
     except IdentifyError:
         return None
 

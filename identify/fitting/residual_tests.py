@@ -9,7 +9,7 @@ independent; its largest value over the lags is judged at 5 % in all (Sidak's co
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,6 +88,18 @@ def independent(residuals: Sequence[Array]) -> float:
         kept = rho[1 : below[0]] if len(below) else rho[1:]
         count += len(away) / (1.0 + 2.0 * float(np.sum(kept)))
     return count
+
+
+def likelier(before: Mapping[str, float], after: Mapping[str, float], left: Sequence[Array]) -> float:
+    """Return by how much twice the log likelihood rises where the noise of outputs falls from `before` to `after`.
+
+    It is counted in independent samples of what is `left` (q, r) then of each recording, the outputs as in `after`.
+    """
+    rises = (
+        independent([part[:, k] for part in left]) * math.log(max(before[name], 1e-300) / max(noise, 1e-300))
+        for k, (name, noise) in enumerate(after.items())
+    )
+    return 2.0 * sum(rises)
 
 
 def unexplained(kind: str, source: str, output: str, residual: Array, r2: float) -> tuple[str, ...]:

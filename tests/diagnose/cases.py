@@ -104,10 +104,17 @@ def logged(folder: Path, project: str, head: str, *columns: NDArray[np.float64])
 
 def lag_project(drive: str, output: str, gain: float, lag: float, train: Sequence[str] = ("log.csv",)) -> str:
     """Return the text of a project whose plant is a lag of first order without a delay."""
-    return (
-        f'schema = 1\nname = "lag"\n[recordings]\ntrain = {json.dumps(list(train))}\n[plant]\nkind = "first_order"\n'
-        f'input = "{drive}"\noutputs = ["{output}"]\n[plant.parameters]\ngain = {{ value = {gain}, free = true }}\n'
+    return black_box_project("first_order", drive, output, train) + (
+        f"[plant.parameters]\ngain = {{ value = {gain}, free = true }}\n"
         f"time_constant_s = {{ value = {lag}, free = true }}\ndelay_s = {{ value = 0.0, free = false }}\n"
+    )
+
+
+def black_box_project(kind: str, drive: str, output: str, train: Sequence[str] = ("log.csv",)) -> str:
+    """Return the text of a project whose plant has one input, one output, and no value yet."""
+    return (
+        f'schema = 1\nname = "lag"\n[recordings]\ntrain = {json.dumps(list(train))}\n[plant]\nkind = "{kind}"\n'
+        f'input = "{drive}"\noutputs = ["{output}"]\n'
     )
 
 

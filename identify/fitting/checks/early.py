@@ -13,11 +13,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.covariance import untold
-from firmloop.identify.fitting.evidence import Evidence
-from firmloop.identify.fitting.fit import Fit, estimate
+from firmloop.identify.fitting.evidence import Evidence, sources_of
+from firmloop.identify.fitting.fit import Fit, estimate, tried
 from firmloop.identify.recordings.conditioning import find_lag, interpolate
 from firmloop.identify.recordings.recording import Recording
 
@@ -65,11 +64,8 @@ def _in_time(evidence: Evidence, before: Fit) -> tuple[Fit, Mapping[str, int]]:
         if shifted == rows:
             return fit, {name: count for name, count in rows.items() if count}
         rows, seen = shifted, [_shifted(recording, shifted) for recording in evidence.recordings]
-        try:
-            after = estimate(fit.plant, seen, (), evidence.conditioning, near=True, doubt=untold)
-        except IdentifyError:
-            break
-        if all(after.noise[name] >= fit.noise[name] for name, count in rows.items() if count):
+        after = tried(fit.plant, seen, evidence.conditioning, near=True)
+        if after is None or all(after.noise[name] >= fit.noise[name] for name, count in rows.items() if count):
             break
         fit = after
     return before, {}
@@ -79,7 +75,7 @@ def _told(evidence: Evidence, before: Fit, after: Fit, early: Mapping[str, int])
     drive = " or ".join(each.name for each in before.plant.inputs)
     step = _step(evidence.recordings[0])
     unit = {signal.name: signal.unit for signal in before.plant.outputs}
-    sources = ", ".join(dict.fromkeys(each.source for each in evidence.recordings))
+    sources = sources_of(evidence.recordings)
     said = [
         f"{name} of {sources} moves {rows} row{'s' if rows > 1 else ''} ({rows * step:.4g} s) before {drive} does"
         for name, rows in early.items()

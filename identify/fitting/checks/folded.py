@@ -13,11 +13,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.covariance import untold
-from firmloop.identify.fitting.evidence import Evidence
-from firmloop.identify.fitting.fit import Fit, estimate
+from firmloop.identify.fitting.evidence import Evidence, sources_of
+from firmloop.identify.fitting.fit import Fit, tried
 from firmloop.identify.fitting.residual_tests import POOR
 from firmloop.identify.plants.attach import EffectUse, with_effects
 from firmloop.identify.plants.kinds import free_scale
@@ -39,22 +37,20 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     if len(plant.inputs) != 1 or len(plant.outputs) != 1 or free_scale(plant) is None or plant.effects:
         return ()
     drive, output = plant.inputs[0].name, plant.outputs[0].name
-    if _explained(fit) >= POOR or not _goes_both_ways(evidence, drive):
+    if fit.explained >= POOR or not _goes_both_ways(evidence, drive):
         return ()
-    sized = {name.format(drive): _fitted(plant, _driven_by(evidence, drive, size), evidence) for name, size in _SIZES}
+    sized = {
+        name.format(drive): tried(plant, _driven_by(evidence, drive, size), evidence.conditioning)
+        for name, size in _SIZES
+    }
     known = {name: found for name, found in sized.items() if found is not None}
     best = min(known, key=lambda name: known[name].noise[output], default="")
     folded = _rectified(evidence, known[best].plant) if best else None
     if folded is not None and folded.noise[output] <= _ALIKE * known[best].noise[output]:
         return (_no_sign(evidence, folded),)
-    if best and _explained(known[best]) >= POOR:
+    if best and known[best].explained >= POOR:
         return (_no_side(evidence, best, known[best]),)
     return ()
-
-
-def _explained(fit: Fit) -> float:
-    """Return the least share of an output's variance that a fit explains."""
-    return min(figures.r2 for one in fit.train for figures in one.scores.values())
 
 
 def _goes_both_ways(evidence: Evidence, drive: str) -> bool:
@@ -70,13 +66,6 @@ def _driven_by(evidence: Evidence, drive: str, size: Callable[[Array], Array]) -
     )
 
 
-def _fitted(plant: Plant, recordings: tuple[Recording, ...], evidence: Evidence) -> Fit | None:
-    try:
-        return estimate(plant, recordings, (), evidence.conditioning, doubt=untold)
-    except IdentifyError:
-        return None
-
-
 def _rectified(evidence: Evidence, begin: Plant) -> Fit | None:
     """Fit with a reading that has lost its sign, from the plant that the size of the input has led to."""
     output = begin.outputs[0].name
@@ -84,12 +73,8 @@ def _rectified(evidence: Evidence, begin: Plant) -> Fit | None:
     if np.min(readings) < -_SIGNLESS * np.max(readings):
         return None
     wider = with_effects(begin, [EffectUse("sensor_rectified", output, {"share": 1.0}, ())])
-    found = _fitted(wider, evidence.recordings, evidence)
-    return found if found is not None and _explained(found) >= POOR else None
-
-
-def _sources(evidence: Evidence) -> str:
-    return ", ".join(dict.fromkeys(recording.source for recording in evidence.recordings))
+    found = tried(wider, evidence.recordings, evidence.conditioning)
+    return found if found is not None and found.explained >= POOR else None
 
 
 def _no_sign(evidence: Evidence, folded: Fit) -> str:
@@ -97,10 +82,10 @@ def _no_sign(evidence: Evidence, folded: Fit) -> str:
     plant, output = folded.plant, folded.plant.outputs[0].name
     values = ", ".join(f"{p.name} = {{ value = {p.value:.4g}, free = true }}" for p in plant.parameters if p.free)
     return (
-        f"{output} of {_sources(evidence)} is never negative, though {plant.inputs[0].name} goes both ways: a reading "
-        f"without a sign, or an actuator that answers the size alone. As such a reading {plant.kind} explains "
-        f'{100.0 * _explained(folded):.3g} % of it: write [[plant.effects]] with name = "sensor_rectified", output = '
-        f'"{output}" and share = 1, and in [plant.parameters] {values}; or record the direction, too'
+        f"{output} of {sources_of(evidence.recordings)} is never negative, though {plant.inputs[0].name} goes both "
+        f"ways: a reading without a sign, or an actuator that answers the size alone. As such a reading {plant.kind} "
+        f'explains {100.0 * folded.explained:.3g} % of it: write [[plant.effects]] with name = "sensor_rectified", '
+        f'output = "{output}" and share = 1, and in [plant.parameters] {values}; or record the direction, too'
     )
 
 
@@ -108,10 +93,10 @@ def _no_side(evidence: Evidence, size: str, found: Fit) -> str:
     """Say that the plant answers the size of its input."""
     drive, output = evidence.given.inputs[0].name, evidence.given.outputs[0].name
     assert evidence.fit is not None
-    before = 100.0 * max(_explained(evidence.fit), 0.0)
+    before = 100.0 * max(evidence.fit.explained, 0.0)
     return (
-        f"{output} of {_sources(evidence)} answers the size of {drive}, not its sign: {found.plant.kind} explains "
-        f"{100.0 * _explained(found):.3g} % of it driven by {size}, and {before:.2g}"
+        f"{output} of {sources_of(evidence.recordings)} answers the size of {drive}, not its sign: {found.plant.kind} "
+        f"explains {100.0 * found.explained:.3g} % of it driven by {size}, and {before:.2g}"
         f" % driven by {drive}; write {size} into a column of its own and name that one in plant.input"
     )
 

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, remainders
 from firmloop.identify.fitting.experiment import experiments
-from firmloop.identify.fitting.fit import Fit, about_means, estimate, judge
-from firmloop.identify.fitting.residual_tests import independent, residual_tests
+from firmloop.identify.fitting.fit import Fit, about_means, estimate, judge, tried
+from firmloop.identify.fitting.residual_tests import independent, likelier, residual_tests
 from firmloop.identify.fitting.sufficiency import outlasting
 from firmloop.identify.plants.attach import EffectUse, values_of, with_effects
 from firmloop.identify.plants.kinds import kinds
@@ -149,9 +148,8 @@ def _apart(evidence: Evidence, k: int, means: _Means) -> str:
         return ""
     held = {parameter.name for parameter in centred.parameters}
     begin = with_varying(centred if OUTPUT in held else _with_level(centred, output.unit), (OUTPUT,))
-    try:
-        after = estimate(begin, evidence.recordings, [], evidence.conditioning, doubt=untold)
-    except IdentifyError:
+    after = tried(begin, evidence.recordings, evidence.conditioning)
+    if after is None:
         return ""
     levels = {own.source: own.parameter.value for own in after.per_recording}
     spread = _spread(evidence, output.name)
@@ -243,12 +241,7 @@ def _centred(evidence: Evidence, output: Signal, means: _Means) -> Iterator[tupl
 def _gain(evidence: Evidence, before: Fit, after: Fit) -> float:
     """Return by how much twice the log likelihood rises, in independent samples of what the better fit leaves."""
     left = remainders(replace(evidence, fit=after))
-    gain = 0.0
-    for k, signal in enumerate(before.plant.outputs):
-        samples = independent([part.residual[:, k] for part in left])
-        old, new = before.noise[signal.name], max(after.noise[signal.name], 1e-300)
-        gain += 2.0 * samples * math.log(max(old, 1e-300) / new)
-    return gain
+    return likelier(before.noise, after.noise, [part.residual for part in left])
 
 
 def _with_level(plant: Plant, unit: str) -> Plant:

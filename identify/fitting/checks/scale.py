@@ -20,7 +20,7 @@ _FAR = math.log(5.0)  # factors beyond it are no inaccuracy of nominal parameter
 _HUGE = math.log(200.0)  # a factor beyond it is no doubt of nominal values, which need not fit so well either
 _NEAR_HUGE = 1.1
 _FEWEST_COUNTS = 28.0  # a turn: an encoder of 7 lines, of which it counts the four edges
-PERCENT = 100.0
+_PERCENT = 100.0
 _PLACEHOLDER = 1.0  # a free gain of exactly this is no claim
 
 FACTORS = {
@@ -63,11 +63,13 @@ def share_of_supply(name: str, most: float, times: float) -> tuple[str, str]:
     `most` is the largest of its numbers, by which a share is one in ones, in percent, or in counts.
     """
     scale = float(f"{times:.2g}")  # about: which voltage it is, is read off the supply
-    full = next((each for each in (1.0, PERCENT) if most <= each), 0.0)
-    of_it = {1.0: "its volts", PERCENT: "a hundredth of its volts"}.get(full, "its volts over the count of a full duty")
+    full = next((each for each in (1.0, _PERCENT) if most <= each), 0.0)
+    of_it = {1.0: "its volts", _PERCENT: "a hundredth of its volts"}.get(
+        full, "its volts over the count of a full duty"
+    )
     about = f", about {scale * full:g} V," if full else ""
     return (
-        f"a share of the supply{' in percent' if full == PERCENT else ''} (the duty of a PWM)",
+        f"a share of the supply{' in percent' if full == _PERCENT else ''} (the duty of a PWM)",
         f"measure the supply{about} and with {of_it} as the scale {scaled(name, scale)}",
     )
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, alike, compared, runs_as_given
-from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.fitting.evidence import Evidence, alike, compared, runs_as_given, sources_of
 
 Array = NDArray[np.float64]
 
@@ -28,7 +25,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     for recording, run in zip(evidence.recordings, runs, strict=True):
         for pairs, pair in zip(seen, compared(evidence, recording, run), strict=True):
             pairs.append(pair)
-    drive = " or ".join(each.name for each in evidence.given.inputs)
+    drive, sources = " or ".join(each.name for each in evidence.given.inputs), sources_of(evidence.recordings)
     found = []
     for signal, pairs in zip(evidence.given.outputs, seen, strict=True):
         real, model = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
@@ -37,26 +34,22 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         against = [recording for recording, each in zip(evidence.recordings, alone, strict=True) if each < _ALONE]
         if _has_no_sign(real, model) and correlation < _FOLLOWS:
             found.append(
-                f"{signal.name} of {_sources(evidence.recordings)} is never negative, though the plant goes both ways "
+                f"{signal.name} of {sources} is never negative, though the plant goes both ways "
                 f'as given: a reading without a sign; write [[plant.effects]] with name = "sensor_rectified" and '
                 f'output = "{signal.name}", or record the direction, too'
             )
         elif correlation < _AGAINST:
             found.append(
-                f"{signal.name} of {_sources(evidence.recordings)} runs against {drive} (correlation with the plant as "
+                f"{signal.name} of {sources} runs against {drive} (correlation with the plant as "
                 f"given {correlation:.2f}): turn the sign of the column or of {drive}, or of the parameter that "
                 "carries it in [plant.parameters] if the plant is meant to answer so"
             )
         elif against and max(alone) > _FOLLOWS:
             found.append(
-                f"{signal.name} of {_sources(against)} runs against {drive}, and that of other recordings does not: "
+                f"{signal.name} of {sources_of(against)} runs against {drive}, and that of other recordings does not: "
                 "turn the sign of that column in the file, or leave the file out"
             )
     return tuple(found)
-
-
-def _sources(recordings: Sequence[Recording]) -> str:
-    return ", ".join(dict.fromkeys(recording.source for recording in recordings))
 
 
 def _has_no_sign(real: Array, model: Array) -> bool:

@@ -79,7 +79,7 @@ def test_a_diagnosis_stands_where_identify_cannot_fit_what_would_tell_a_lag(monk
     def refusing(*_: object, **__: object) -> None:
         raise IdentifyError("parameters far off")
 
-    monkeypatch.setattr(diagnosing, "estimate", refusing)
+    monkeypatch.setattr(fit, "estimate", refusing)
     finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0))
     diagnosing._check_early(
         SimpleNamespace(states=("w",)), (), SimpleNamespace(finding=finding, search=SimpleNamespace(refit=None))
@@ -89,7 +89,7 @@ def test_a_diagnosis_stands_where_identify_cannot_fit_what_would_tell_a_lag(monk
 def test_a_shifted_column_is_held_against_an_explanation_whose_start_is_fitted_too(monkeypatch):
     """Begun at the first reading alone, the drift of a position hid that a clock explains it."""
     asked = {}
-    monkeypatch.setattr(diagnosing, "estimate", lambda *_, **__: None)
+    monkeypatch.setattr(diagnosing, "tried", lambda *_, **__: SimpleNamespace())
     monkeypatch.setattr(diagnosing, "early_outputs", lambda _, left: asked.update(left) or "")
     finding = SimpleNamespace(train=SimpleNamespace(after=30.0, refit=40.0))
     left = [SimpleNamespace(fitted=SimpleNamespace(residuals=(np.full((9, 1), size),))) for size in (0.02, 0.003)]
@@ -106,7 +106,7 @@ def test_outputs_of_which_no_less_is_left_once_they_are_shifted_are_not_shifted_
     plant = make_plant(kind, drive, outputs, values)
     recording = make_recording(time, columns, "log.csv", "")
     fitted, asked = fit.estimate(plant, [recording], (), NONE, near=True), []
-    monkeypatch.setattr(early_check, "estimate", lambda *of, **how: asked.append(how) or fitted)
+    monkeypatch.setattr(fit, "estimate", lambda *of, **how: asked.append(how) or fitted)
     evidence = Evidence(plant, (recording,), NONE, fitted)
     assert early_check.early_outputs(evidence, fitted.noise) == "" and asked == [{"near": True, "doubt": untold}]
 

@@ -8,23 +8,9 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
+from tests.diagnose.cases import MOTOR_PROJECT, Motor
 
-PROJECT = """schema = 1
-name = "fan"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "dc_motor"
-input = "voltage_V"
-outputs = ["speed_rad_s"]
-[plant.parameters]
-R_ohm = { value = 2.0, free = false }
-L_H = { value = 1e-3, free = false }
-ke_V_s_rad = 0.05
-kt_N_m_A = { value = 0.05, free = false }
-J_kg_m2 = 1e-4
-b_N_m_s_rad = 1e-4
-"""
+FAN = Motor(2.0, 1e-3, 0.05, 1e-4, 1e-4)
 
 
 @pytest.mark.parametrize(("supply", "also"), [(24.0, "encoder"), (48.0, "encoder"), (9.5, "")])
@@ -40,7 +26,7 @@ def test_a_duty_of_1_is_asked_for_with_the_volts_of_the_supply(
             current += 5e-5 * (supply * share - 2.0 * current - 0.05 * speed) / 1e-3
             speed += 5e-5 * (0.05 * current - 1e-4 * speed) / 1e-4
     (tmp_path / "log.csv").write_text("\n".join(["time_s,voltage_V,speed_rad_s", *rows, ""]))
-    (tmp_path / "p.toml").write_text(PROJECT)
+    (tmp_path / "p.toml").write_text(MOTOR_PROJECT.format(FAN, FAN.constant, FAN.inertia, FAN.friction))
     main(["identify", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")])
     said = "".join(capsys.readouterr())
     assert "is voltage_V, which never goes beyond 1, a share of the supply" in said

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from firmloop.cli import main
+from tests.diagnose.cases import black_box_project, logged
 
 Array = NDArray[np.float64]
 
@@ -30,14 +31,8 @@ def lagged(drive: Array) -> Array:
 def project(where: Path, kind: str, answer: Array, extra: str = "") -> Path:
     """Write a recording and a project of it."""
     noisy = answer + 0.02 * RANDOM.normal(size=ROWS)
-    rows = [f"{t:.4f},{u:.6f},{y:.6f}" for t, u, y in zip(TIME, DRIVE, noisy, strict=True)]
-    (where / "log.csv").write_text("\n".join(["time_s,command,force_N", *rows, ""]))
-    found = where / "p.toml"
-    found.write_text(
-        f'schema = 1\nname = "pull"\n[recordings]\ntrain = ["log.csv"]\n[plant]\nkind = "{kind}"\ninput = "command"\n'
-        f'outputs = ["force_N"]\n{extra}'
-    )
-    return found
+    text = black_box_project(kind, "command", "force_N") + extra
+    return logged(where, text, "time_s,command,force_N", TIME, DRIVE, noisy)
 
 
 def identified(made: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:

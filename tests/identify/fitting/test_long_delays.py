@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from firmloop.cli import main
+from tests.diagnose.cases import black_box_project, logged
 
 Array = NDArray[np.float64]
 
@@ -18,14 +19,8 @@ TIME = STEP * np.arange(ROWS)
 
 def project(where: Path, kind: str, drive: Array, answer: Array, given: str = "") -> Path:
     """Write a recording and a project of it."""
-    rows = [f"{t:.4f},{u:.6f},{y:.6f}" for t, u, y in zip(TIME, drive, answer, strict=True)]
-    (where / "log.csv").write_text("\n".join(["time_s,heater,oven", *rows, ""]))
-    found = where / "p.toml"
-    found.write_text(
-        f'schema = 1\nname = "oven"\n[recordings]\ntrain = ["log.csv"]\n[plant]\nkind = "{kind}"\ninput = "heater"\n'
-        f'outputs = ["oven"]\n[plant.parameters]\n{given}'
-    )
-    return found
+    text = black_box_project(kind, "heater", "oven") + f"[plant.parameters]\n{given}"
+    return logged(where, text, "time_s,heater,oven", TIME, drive, answer)
 
 
 def late(seconds: float, seed: int) -> tuple[Array, Array]:
