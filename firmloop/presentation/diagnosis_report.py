@@ -20,7 +20,7 @@ from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.diagnose.policy import IMPOSSIBLE
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.code_words import figure, percent
-from firmloop.presentation.figures import DATA, DOT, DRIVE, LIMIT, MODEL, labelled, styled, svg, thinned
+from firmloop.presentation.figures import DATA, DRIVE, LIMIT, MODEL, dots, labelled, styled, svg, thinned
 from firmloop.presentation.page import origin, page
 from firmloop.presentation.sections import page_table
 
@@ -198,10 +198,9 @@ def _scatter(made: Diagnosis) -> list[str]:
         for row, kind in enumerate(seen.kinds):
             for column, signal in enumerate(plant.states):
                 axes = every[row][column]
-                axes.plot(seen.states[pick, column], seen.disturbances[row][pick], ".", color=DATA, markersize=DOT)
+                dots(axes, seen.states[pick, column], seen.disturbances[row][pick], DATA)
                 if law is not None:
-                    over = (law.states[pick, column], law.disturbances[row][pick])
-                    axes.plot(*over, ".", color=MODEL, markersize=DOT)
+                    dots(axes, law.states[pick, column], law.disturbances[row][pick], MODEL)
                 _law(axes, made.shape, kind, signal.name)
                 axes.set_xlabel(f"{signal.name}, {signal.unit or '1'}")
                 axes.set_ylabel(_missing(plant, kind))

@@ -30,12 +30,8 @@ WIDE, FINE = 1.9, 0.9  # of the recorded and of every other curve: both are seen
 COLUMNS = 500  # a curve keeps the lowest and the highest sample of this many stretches
 SVG_DPI = 72  # of matplotlib's SVG: a unit is a point
 DOT = 1.5  # points, of a dot of a scatter
-_DOTS = re.compile(
-    r'(?P<uses>(?:<use xlink:href="#\w+" x="[-\d.]+" y="[-\d.]+" '
-    r'style="fill: (?P<ink>#\w{6}); stroke: (?P=ink)"/>\s*){20,})'
-)
+_DOT = re.compile(r"M ([-\d.]+ [-\d.]+) *\nL \1 *\n")
 _NEEDLESS = re.compile(r"(?<=\.\d)\d+")
-_PLACE = re.compile(r'x="([-\d.]+)" y="([-\d.]+)"')
 FARTHEST = 1e100  # that is drawn: ticks are multiples of a span, and leave all numbers near the end of them
 STYLE: Mapping[str, Any] = {
     "svg.hashsalt": "firmloop",
@@ -243,6 +239,17 @@ def _curve(axes: Axes, time: Array, values: Array, color: str, label: str) -> No
     axes.plot(thin_time, thin_values, color=color, label=label, linewidth=WIDE if color == DATA else FINE)
 
 
+def dots(axes: Axes, across: Array, up: Array, color: str) -> None:
+    """Draw a dot at each place (n,): strokes of no length, one path of all, where marks are elements of their own."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    strokes = Path(np.repeat(np.column_stack([across, up]), 2, axis=0), [Path.MOVETO, Path.LINETO] * len(up))
+    strokes.should_simplify = False  # which would leave out what has no length
+    axes.add_patch(PathPatch(strokes, fill=False, edgecolor=color, linewidth=DOT, capstyle="round"))
+    axes.autoscale_view()
+
+
 def thinned(time: Array, values: Array, columns: int) -> tuple[Array, Array]:
     """Keep the lowest and the highest sample of each of `columns` stretches: on paper the curve is the same."""
     if len(values) <= 2 * columns:
@@ -262,8 +269,8 @@ def svg(figure: Figure, ink: str = "currentColor") -> str:
         stream, format="svg", transparent=True, bbox_inches=_extent(figure), metadata={"Date": None, "Creator": None}
     )
     text = stream.getvalue()
-    text = _DOTS.sub(_short_dots, text[text.index("<svg") :].replace(INK, ink))
-    return re.sub(r' d="[^"]*', lambda path: _NEEDLESS.sub("", path[0]), text)
+    text = text[text.index("<svg") :].replace(INK, ink)
+    return re.sub(r' d="[^"]*', lambda path: _DOT.sub(r"M\1h0", _NEEDLESS.sub("", path[0])), text)
 
 
 def _extent(figure: Figure) -> Bbox:
@@ -274,10 +281,3 @@ def _extent(figure: Figure) -> Bbox:
     figure.dpi = SVG_DPI
     nowhere = RendererSVG(*figure.bbox.size, io.StringIO(), image_dpi=SVG_DPI)  # type: ignore[no-untyped-call]
     return figure.get_tightbbox(nowhere).padded(matplotlib.rcParams["savefig.pad_inches"])
-
-
-def _short_dots(group: re.Match[str]) -> str:
-    """Write a run of equal round marks as one path, in a tenth of the letters."""
-    places = "".join(f"M{float(x):.1f} {float(y):.1f}h0" for x, y in _PLACE.findall(group["uses"]))
-    ink = group["ink"]
-    return f'<path d="{places}" style="fill: none; stroke: {ink}; stroke-width: {DOT}; stroke-linecap: round"/>'

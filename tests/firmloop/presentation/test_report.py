@@ -21,6 +21,7 @@ from firmloop.presentation.figures import (
     Step,
     bode_figure,
     comparison_figure,
+    dots,
     overview,
     search_figure,
     step_figure,
@@ -251,7 +252,7 @@ def axes_of(picture: str) -> list[str]:
 def test_many_dots_are_one_short_path() -> None:
     with styled(3, 2) as figure:
         axes = figure.subplots()
-        axes.plot(np.arange(1200.0), np.arange(1200.0) % 7, ".", color="#e4572e", markersize=1.5)
+        dots(axes, np.arange(1200.0), np.arange(1200.0) % 7, "#e4572e")
         text = svg(figure)
     ElementTree.fromstring(text)
     assert text.count("<use") < 40 and len(text) < 30_000
