@@ -100,7 +100,7 @@ def widened(noises: Sequence[Noise], slopes: Sequence[Pure], inverse: Array, los
     sway = [_sway(each, inverse) for each in slopes]
     apart, told = [], []
     for _ in range(_DRAWS):
-        drawn = [_draw(noises, each.shape[0], random) for each in slopes]
+        drawn = [drawn_from(noises, each.shape[0], random) for each in slopes]
         error = sum(np.einsum("qrk,qr->k", each, part) for each, part in zip(sway, drawn, strict=True))
         left = [
             each.without_own(part.ravel()).reshape(part.shape) - each.along(error)
@@ -114,7 +114,7 @@ def widened(noises: Sequence[Noise], slopes: Sequence[Pure], inverse: Array, los
     return np.asarray(plain * np.maximum(wider, 1.0) * np.maximum(shy, 1.0))
 
 
-def _draw(noises: Sequence[Noise], rows: int, random: np.random.Generator) -> Array:
+def drawn_from(noises: Sequence[Noise], rows: int, random: np.random.Generator) -> Array:
     """Return noise (rows, r) of each output's autoregression."""
     columns = [noise.color(random.normal(0.0, noise.scale, _SETTLE + rows))[_SETTLE:] for noise in noises]
     return np.stack(columns, axis=1)

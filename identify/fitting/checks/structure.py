@@ -1,8 +1,8 @@
 """A residual that is not noise: what the input and the motion still explain of it, the equations lack.
 
 Colour alone is no fault: intervals are widened for it. The residual is regressed on the past input and on functions of
-the simulated outputs, and the share explained is held against that of surrogates, residuals with the same spectrum and
-random phases (Theiler and others, Physica D 58 (1992) 77-94).
+the simulated outputs, and the share explained is held against that of residuals drawn from an autoregression fitted to
+them. (Random phases keep a spectrum too, but end where they began, and what drifts does not.)
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
+from firmloop.identify.fitting.effective_samples import drawn_from, noises_of
 from firmloop.identify.fitting.evidence import Evidence, remainders, run_as_given
 from firmloop.identify.fitting.least_squares import triangle
 from firmloop.identify.plants.plant import Plant
@@ -116,11 +117,11 @@ def explained_share(residual: Array, given: Columns) -> float:
 
     share = explained(away)
     random = np.random.default_rng(_SEED)
-    spectrum = np.abs(np.fft.rfft(away))
+    noises = noises_of([away[:, None]])
     by_chance = np.empty(_SURROGATES)
     for k in range(_SURROGATES):  # one at a time, for each is as long as the recording
-        phases = np.exp(2j * np.pi * random.random(len(spectrum)))
-        by_chance[k] = explained(np.fft.irfft(spectrum * phases, len(away)))
+        drawn = drawn_from(noises, len(away), random)[:, 0]
+        by_chance[k] = explained(drawn - drawn.mean())
     unexplained = np.log(np.maximum(1.0 - by_chance, 1e-12))
     far = (float(np.mean(unexplained)) - np.log(max(1.0 - share, 1e-12))) / max(float(np.std(unexplained)), 1e-12)
     return share - float(np.mean(by_chance)) if far > _BEYOND else 0.0

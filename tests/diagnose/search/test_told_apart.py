@@ -135,7 +135,6 @@ SLOW = (
 # Of the slow ones: what a later change has lost, with what is said instead. A case that holds again has to leave here.
 LOST = {
     180006: "unknown: all delays lead a simulation under a slow disturbance further off",
-    330072: "cogging: the input explains by chance what a drift leaves",
     390099: "dead zone or brush drop",
     480008: "dry friction: its plain simulation error does not tell the peak at rest, which the likelihood does",
     530054: "no mismatch",

@@ -1,0 +1,37 @@
+"""What drifts by itself answers no input, however much of it a few slow features explain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from firmloop.identify.fitting.checks.structure import answering, features
+from firmloop.project.project import read_project
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
+from tests.diagnose.cases import lag_project, logged
+
+STEP = 0.01
+CASES = 60
+
+
+def lagged(drive: np.ndarray, time_constant_s: float) -> np.ndarray:
+    """Return what a lag of gain 1 makes of a drive, row by row."""
+    level = np.zeros(len(drive))
+    for k in range(1, len(drive)):
+        level[k] = level[k - 1] + STEP / time_constant_s * (drive[k - 1] - level[k - 1])
+    return level
+
+
+def test_a_drift_answers_no_input_and_a_lag_that_is_off_does(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    drive = np.repeat(rng.uniform(0.0, 5.0, 30), 100)
+    clean, time = lagged(drive, 1.2), STEP * np.arange(len(drive))
+    text = lag_project("heater_V", "temperature_C", 1.0, 1.2)
+    project = read_project(logged(tmp_path, text, "time_s,heater_V,temperature_C", time, drive, clean))
+    given = features(plant_of(project), read_data(project).train[0], clean[:, None])
+    drifts = (np.cumsum(lagged(rng.standard_normal(len(drive)), 3.0)) for _ in range(CASES))
+    assert [answering(each, given) for each in drifts] == [0.0] * CASES
+    off = lagged(drive, 1.4) - clean
+    assert answering(0.1 * off + 0.002 * rng.standard_normal(len(drive)), given) > 0.0
