@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
-from firmloop.identify.printed_units import is_symbol, is_unit
+from firmloop.identify.error import IdentifyError
+from firmloop.identify.printed_units import conversion, is_symbol, is_unit
 
 # A name has no solidus, so that each ending says what it means; the longest that fits counts.
 _ENDINGS = {
@@ -56,12 +58,25 @@ _SHARE = "percent"
 _MOST_WORDS = 5
 # Arduino's clocks, and what a whole column may be called after; letters alone are symbols of quantities.
 _WHOLE = {"millis": "ms", "micros": "us", "ms": "ms", "us": "us", "rpm": "rpm", "mA": "mA", "mV": "mV", "deg": "deg"}
-# Ends of names that are words in a name, not units: v_in, speed_min, gain_kp, u_pu.
-_WORDS = frozenset("in min p kp Kp g h l T J F K rev turn turns tr second sec".split())
+# Ends of names that are words in a name, not units: v_in, speed_min, gain_kp, u_pu; MV is manipulated by a controller,
+# MA a moving average, and either is milli, in capitals, where a voltage or a current is meant.
+_WORDS = frozenset("in min p kp Kp g h l T J F K rev prev turn turns tr second sec MV MA".split())
 # What flows or moves in a time without a unit of its own, and what is counted in it: l_s is l/s, but N_s is no N/s.
 _AMOUNTS = frozenset("mm cm km um ft l L ml mL cl g mg kg m rev turns tr rad mrad deg percent K degC".split())
 _STEEP = dict.fromkeys(("ms", "us"), frozenset("V mV kV A mA".split()))  # slew rates: V_us; V_s is a flux
 _COUNTED = frozenset("1 counts ticks pulses steps samples lines px mol".split())
+# Units whose capitals or solidus a name may have lost, CURRENT_MA, currentMa, speed_kmh, by their small letters.
+_ANY_CAPITALS = {
+    unit.lower(): unit
+    for unit in "mV uV kV mA uA kA kHz Pa kPa MPa kN mN Nm mNm Ncm Nmm ms us ns mm cm um km kg mg mbar kW".split()
+} | {
+    **dict.fromkeys(("rads", "radps"), "rad/s"),
+    **dict.fromkeys(("degs", "degps"), "deg/s"),
+    **dict.fromkeys(("kmh", "kph"), "km/h"),
+    **{"mps": "m/s", "mmps": "mm/s", "lpm": "l/min"},
+}
+# Words of names that are units where one of their kind is wanted.
+_WORDS_OF_A_KIND = frozenset("rev turns tr sec second".split())
 # Words that a letter counts: Channel A is no current.
 _LETTERED = frozenset("channel ch kanal voie input probe analog sensor port trace".split())
 
@@ -110,7 +125,7 @@ def _goes_on(before: str, ending: str) -> bool:
 
 def carried_unit(name: str) -> str:
     """Return the unit that a foreign column name carries: `t_ms`, `Speed [rpm]`, `u %`, `rpm`; empty where none."""
-    bracket = re.search(r"[\[(]([^\[\]()]+(?:\([^()]*\))?[^\[\]()]*)[\])]\s*$", name)
+    bracket = re.search(r"[\[({]([^\[\](){}]+(?:\([^()]*\))?[^\[\](){}]*)[\])}]\s*$", name)
     if bracket:
         return bracket.group(1).strip() if is_unit(bracket.group(1)) else ""
     if (sign := name.strip()[-1:]) in ("%", "\u2030"):  # no letter of a name
@@ -119,11 +134,66 @@ def carried_unit(name: str) -> str:
         return _WHOLE.get(name, "rpm")
     if unit_of(name):
         return unit_of(name)
+    last = re.split(r"[_\s]+", name.strip())[-1]
+    if re.search(r"[/^\u207b]|\w-1$", last):  # min-1, m/s and, as standards print it, n/min-1
+        return next((each for each in (last, last.partition("/")[2]) if _is_quotient(each)), "") or _last_word(name)
+    return _last_word(name)
+
+
+def likely_unit(name: str, wanted: str) -> str:
+    """Return the unit that a foreign name carries where a quantity in `wanted` is meant; empty where none of that kind.
+
+    As `carried_unit`, and anywhere in the name and in any capitals: `speed_rpm_raw`, `currentMa`, `TIME_MS`.
+    """
+    own = carried_unit(name)
+    if not wanted or _in(own, wanted) or "/" in own:
+        return own
+    return next((each for each in _units_within(name) if _in(each, wanted)), own)
+
+
+def _units_within(name: str) -> Iterator[str]:
+    """Yield what may be a unit in a name, from its end: what stands in brackets, words, and words in other capitals."""
+    yield from reversed(re.findall(r"[\[({]([^\[\](){}]+)[\])}]", name))
+    pieces = [each for each in re.split(r"[^\w/^*%\u2030\u00b0\u00b7-]+|_", name) if each]
+    before = ("_".join(pieces[: k + 1]) for k in range(len(pieces) - 1, -1, -1))
+    yield from (unit for each in before if len(unit := carried_unit(each)) > 1)
+    parts = (part for each in reversed(pieces) if each.lower() != "erpm" for part in reversed(camel_words(each)))
+    for piece in [*reversed(pieces), *parts]:
+        word = re.sub(r"(?i)^[^ke](?=r(pm|ps)$)", "", piece.rstrip("0123456789"))  # nRpm holds no nano
+        if word.lower() in _ANY_CAPITALS:
+            yield _ANY_CAPITALS[word.lower()]
+        elif len(word) > 1 and word.lower() not in _WORDS - _WORDS_OF_A_KIND and is_symbol(word):
+            yield word
+        elif _is_quotient(piece):
+            yield piece
+
+
+def camel_words(name: str) -> list[str]:
+    """Return the words of a name that capitals part: `motorSpeedRPM`."""
+    return re.split(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", name)
+
+
+def _in(unit: str, wanted: str) -> bool:
+    """Tell whether a value in `unit` can become one in `wanted`."""
+    try:
+        return conversion(unit, wanted, "").factor > 0.0
+    except IdentifyError:
+        return False
+
+
+def _is_quotient(text: str) -> bool:
+    return bool(re.search(r"[/^\-\u207b]", text)) and is_unit(text)
+
+
+def _last_word(name: str) -> str:
+    """Return the unit that the last words of a name are."""
     words = re.split(r"[_\s/]+", name.strip())
     if composed := _composed(words):
         return composed
     last = words[-1]
-    if len(words) < 2 or last in _WORDS or (len(last) == 1 and last not in _ENDINGS):
+    if len(words) < 2:  # alone, only what has its prefix written out: milliamps
+        return last if re.match(r"(?i)(milli|micro|kilo|nano|centi)\w", last) and is_symbol(last) else ""
+    if last in _WORDS or (len(last) == 1 and last not in _ENDINGS):
         return ""
     if words[-2] == "per" or (last == "s" and words[-2] in _COUNTED):  # the end of a unit, and another one alone
         return ""
@@ -138,7 +208,7 @@ def _composed(words: list[str]) -> str:
         known = "_".join((words[-count][1:], *words[1 - count :]))
         if known in _ENDINGS and is_symbol(words[-count]):
             return words[-count][0] + _ENDINGS[known]
-    found = re.search(r"_([^_]+)_per_([^_]+)$|_([^_]+)_(s|min|h|ms|us)$", "_".join(words))
+    found = re.search(r"(?:^|_)([^_]+)_per_([^_]+)$|_([^_]+)_(s|min|h|ms|us)$", "_".join(words))
     if found is None or (found[3] and found[3].rstrip("234") not in (_AMOUNTS | _STEEP.get(found[4], frozenset()))):
         return ""
     quotient = f"{found[1] or found[3]}/{found[2] or found[4]}"

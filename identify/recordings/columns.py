@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
 from firmloop.identify.recordings.table import RawTable, told_words
-from firmloop.identify.units import carried_unit, stem_of, unit_of
+from firmloop.identify.units import camel_words, carried_unit, likely_unit, stem_of, unit_of
 
 Array = NDArray[np.float64]
 
-TIMES = re.compile(
+_TIMES = re.compile(
     r"(?i)_*(t|ts|time|stamp|timestamp|date|datetime|elapsed|clock|millis|micros|seconds?|x(_value)?|zeit|temps|tiempo|tempo)"
     r"([\s_(\[].*)?"
 )
@@ -53,9 +53,17 @@ class RowClock:
     start: float = 0.0
 
 
+def called_a_time(name: str) -> bool:
+    """Tell whether a column is called as a time is; capitals part words of several letters, signs one letter, too."""
+    first, *others = camel_words(re.sub(r"[.:{]", "_", name))
+    parted = "_".join((first, *others)) if len(first) > 1 else first + "".join(others)
+    return bool(_TIMES.fullmatch(parted) or _TIMES.fullmatch(name))
+
+
 def unit_left_out(foreign: str, name: str) -> str:
     """Return the line to write where `foreign` carries a unit that renaming it to `name` would lose, else nothing."""
-    carried, wanted = carried_unit(foreign), unit_of(name)
+    wanted = unit_of(name)
+    carried = likely_unit(foreign, wanted)
     last = re.split(r"[\W_]+", foreign)[-1]
     if name == "time_s" and not carried and last in ("min", "h"):  # no extreme, where it is a time
         carried = last
@@ -66,7 +74,8 @@ def unit_left_out(foreign: str, name: str) -> str:
 
 def in_another_unit(foreign: str, name: str) -> str:
     """Return the line to write where `foreign` is called as `name` is but for another unit of the same kind."""
-    unit, wanted, stem = carried_unit(foreign), unit_of(name), stem_of(name)
+    wanted, stem = unit_of(name), stem_of(name)
+    unit = likely_unit(foreign, wanted)
     alike = bool(unit and stem and wanted) and re.split(r"[\W_]", foreign)[0].lower() == stem.lower()
     return rename_line(foreign, name, unit) if alike and _convertible(unit, wanted) else ""
 
@@ -187,11 +196,11 @@ def _no_time(table: RawTable, rename: Mapping[str, Column], file: str) -> Identi
     named = next((name for name in table.words if rename.get(name, Column(name)).name == "time_s"), "")
     units = table.units or ("",) * len(table.names)
     likely = [
-        (name, unit or carried_unit(name) or re.split(r"[\W_]+", name)[-1])
+        (name, unit or likely_unit(name, "s") or re.split(r"[\W_]+", name)[-1])
         for name, unit in zip(table.names, units, strict=True)
-        if TIMES.fullmatch(name) or _agree_in_kind(unit or carried_unit(name))
+        if called_a_time(name) or _agree_in_kind(unit or carried_unit(name))
     ]
-    wordy = named or next((name for name in table.words if TIMES.fullmatch(name) and not likely), "")
+    wordy = named or next((name for name in table.words if called_a_time(name) and not likely), "")
     if wordy:
         is_it = "is the time, but" if named else "seems to be the time, but"
         return IdentifyError(

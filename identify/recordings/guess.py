@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
-from firmloop.identify.recordings.columns import TIMES, Column
+from firmloop.identify.recordings.columns import Column, called_a_time
 from firmloop.identify.recordings.table import RawTable
-from firmloop.identify.units import carried_unit, ending_of, unit_of
+from firmloop.identify.units import carried_unit, ending_of, likely_unit, unit_of
 
 Array = NDArray[np.float64]
 
@@ -129,13 +129,13 @@ def guess_time(table: RawTable) -> Guessed | None:
 
     A stamp may have fewer digits than a clock beside it.
     """
-    units = _units(table)
+    units = [unit or likely_unit(name, "s") for name, unit in zip(table.names, _units(table), strict=True)]
     found: list[tuple[tuple[int, float], Guessed]] = []
     for name, unit, values in zip(table.names, units, table.columns, strict=True):
         says = _converts(unit, "s")
-        if not (says or TIMES.fullmatch(name)) or (unit and not says) or not _runs(values):
+        if not (says or called_a_time(name)) or (unit and not says) or not _runs(values):
             continue
-        sure = 3 if name == "time_s" else 2 if says and TIMES.fullmatch(name) else 1
+        sure = 3 if name == "time_s" else 2 if says and called_a_time(name) else 1
         rises = float(np.mean(np.diff(values) > 0.0))
         found.append(((sure, rises), Guessed(name, "time_s", unit or _tick(values), bool(unit), False, 0, 0)))
     return max(found, key=lambda each: each[0])[1] if found else None
@@ -149,6 +149,7 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         if time is None or name != time.foreign
     ]
     aims = [_quantity(name, unit) for name, unit in pairs]
+    pairs = [(name, _unit_in(name, unit, unit_of(aim))) for (name, unit), aim in zip(pairs, aims, strict=True)]
     asked = [_asks(name, aim) for (name, _), aim in zip(pairs, aims, strict=True)]
     wishes = ["" if asks else aim for asks, aim in zip(asked, aims, strict=True)]
     made: list[Guessed] = []
@@ -253,14 +254,19 @@ def _quantity(foreign: str, unit: str) -> str:
     for called, names in _QUANTITIES:
         if not words & called:
             continue
-        if not unit:
-            return names[0]
-        fits = [name for name in names if name and _converts(unit, unit_of(name))]
+        fits = [name for name in names if name and _converts(_unit_in(foreign, unit, unit_of(name)), unit_of(name))]
         if fits:
             return fits[0]
+        if not unit:
+            return names[0]
     if _converts(unit, _MASS):
         return ""
     return next((name for name in _BY_UNIT if unit and _converts(unit, unit_of(name))), "")
+
+
+def _unit_in(foreign: str, unit: str, wanted: str) -> str:
+    """Return the unit of a column as `wanted` lets its name be read, where the name alone tells it."""
+    return likely_unit(foreign, wanted) if wanted and unit in ("", carried_unit(foreign)) else unit
 
 
 def _asks(foreign: str, quantity: str) -> bool:
