@@ -19,6 +19,7 @@ from firmloop.identify.recordings.text.chatter import listed_lines, without_chat
 from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, cells_of, find_dialect, first_name, parting_mark
 from firmloop.identify.recordings.text.exports import read_export
 from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
+from firmloop.identify.recordings.text.log_prefix import without_log_prefix
 from firmloop.identify.recordings.text.teleplot import read_teleplot
 from firmloop.identify.recordings.text.thousands import without_thousands
 from firmloop.identify.recordings.text.words import without_words
@@ -43,7 +44,8 @@ def read_csv(content: bytes) -> RawTable | Misread:
     if isinstance(text, Misread):
         return text
     text, stamped = without_terminal_stamps(text.lstrip("\ufeff").replace(_MINUS, "-"))
-    encoding += stamped
+    text, logged = without_log_prefix(text)
+    encoding += (*stamped, *logged)
     begin = begins_json(text.split("\n"))
     if begin is not None:
         return _from_json(text, begin, encoding)

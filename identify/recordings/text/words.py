@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 from firmloop.identify.recordings.text.cells import is_number
 
 _MARKS = ("\t", ";", "|", ",")
 _FEWEST = 3  # rows that make a table
 _FEWEST_NUMBERS = 2  # in a row: a time and one signal
 _SHOWN = 20  # letters of a word
+_NO_NUMBER = re.compile(r"[^\W\d_]|^[^-+.,\d]")
 ASIDE = "nan"  # stands in place of a word
 
 
@@ -63,7 +66,8 @@ def _bare(cell: str) -> str:
 
 def _is_word(cell: str) -> bool:
     bare = _bare(cell)
-    return not bare or (any(sign.isalpha() for sign in bare) and not _is_number(cell))
+    # What begins with a sign that no number has is none, though it may go on in digits: *25, a sum to check by.
+    return not bare or (bool(_NO_NUMBER.search(bare)) and not _is_number(cell))
 
 
 def _is_number(cell: str) -> bool:
