@@ -64,7 +64,12 @@ _WORDS = frozenset("in min p kp Kp g h l T J F K rev prev turn turns tr second s
 # What flows or moves in a time without a unit of its own, and what is counted in it: l_s is l/s, but N_s is no N/s.
 _AMOUNTS = frozenset("mm cm km um ft l L ml mL cl g mg kg m rev turns tr rad mrad deg percent K degC".split())
 _STEEP = dict.fromkeys(("ms", "us"), frozenset("V mV kV A mA".split()))  # slew rates: V_us; V_s is a flux
-_COUNTED = frozenset("1 counts ticks pulses steps samples lines px mol".split())
+_COUNTED = frozenset(
+    "1 counts ticks pulses steps samples lines px mol gal ppm rot cycles frames bits bytes beats drops strokes edges "
+    "events rounds".split()
+)
+# Symbols that no sheet of a motor prints: of what is in a volume, on an area or in a mass, mol_m3 is no m3.
+_ELSEWHERE = frozenset("mol mmol umol nmol kmol lm cd lx Bq Gy Sv kat eV Wh kWh Ah mAh VA sr dB ppm cP gal".split())
 # Units whose capitals or solidus a name may have lost, CURRENT_MA, currentMa, speed_kmh, by their small letters.
 _ANY_CAPITALS = {
     unit.lower(): unit
@@ -116,7 +121,7 @@ def ending_of(name: str) -> str:
 def _goes_on(before: str, ending: str) -> bool:
     """Tell whether the word before an ending belongs to the unit: the mm of mm_s, the l of l_s, counts_s, rad_per_s."""
     word = before.rstrip("234")
-    if word in _ENDINGS or word == "per":
+    if word in _ENDINGS or word in _ELSEWHERE or word == "per":
         return True
     if ending == "s" and (word in _AMOUNTS or word in _COUNTED):
         return True

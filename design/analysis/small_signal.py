@@ -22,6 +22,10 @@ SAME = 1e-4  # share by which a Jacobian may change in such a move: a schedule's
 SAMPLES = 64  # samples in which a law is expected to leave its start
 
 
+class NeverFreeError(DesignError):
+    """A law whose limits act wherever it was looked at; what it drives may say why."""
+
+
 @dataclass(frozen=True, slots=True)
 class LinearLaw:
     """x[k+1] = a x[k] + b z[k], u[k] = c x[k] + d z[k], without the state that no input reaches."""
@@ -47,10 +51,23 @@ def linearize_law(law: Law) -> LinearLaw:
             a, b, c, d = found[:n, :n], found[:n, n:], found[n:, :n], found[n:, n:]
             reached = _reached(a, b)
             return LinearLaw(a[np.ix_(reached, reached)], b[reached], c[:, reached], d)
-    raise DesignError(
-        f"law '{law.name}' stands at a limit at every point tried, from a millionth of the range off: lower its gains, "
-        "as a longer period_s or a slower tuning does, or widen u_min and u_max or the ranges in [signals]"
+    stands = f"law '{law.name}' stands at a limit at every point tried"
+    if all(_hardly_moves(law, index) for index in range(len(law.outputs))):
+        raise NeverFreeError(
+            f"{stands}: within the ranges of [signals] it moves its output by less than a millionth of its range; "
+            "raise its gains"
+        )
+    raise NeverFreeError(
+        f"{stands}, from a millionth of the range off: lower its gains, as a longer period_s or a slower tuning does, "
+        "or widen u_min and u_max or the ranges in [signals]"
     )
+
+
+def _hardly_moves(law: Law, index: int) -> bool:
+    """Tell whether an output stays where it is wherever the law is looked at, but for a nudge."""
+    step, wire = sample(law), law.outputs[index]
+    seen = [float(step(x, z)[1][index]) for x, z in _points(law)]
+    return max(seen) - min(seen) < NUDGE * (wire.high - wire.low)
 
 
 def sample(law: Law) -> ca.Function:

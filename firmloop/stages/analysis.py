@@ -18,6 +18,7 @@ from firmloop.design.analysis.loop import (
     slowest_lag,
     step_profile,
 )
+from firmloop.design.analysis.small_signal import NeverFreeError
 from firmloop.design.analysis.step_metrics import StepMetrics, step_metrics
 from firmloop.design.analysis.uncertainty import figures_of, half_widths
 from firmloop.design.design import Design
@@ -30,7 +31,7 @@ from firmloop.project.table import ProjectError
 from firmloop.quantize.twins.qp import optimum
 from firmloop.stages.bode import Bode, bode
 from firmloop.stages.plant import located
-from firmloop.stages.reachable import Beyond, beyond_reach
+from firmloop.stages.reachable import Beyond, beyond_reach, explained
 
 MOVED = 1e-9  # of a step
 NO_METRICS = StepMetrics(*[math.nan] * 8)  # of a loop that runs away
@@ -59,24 +60,31 @@ def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
         return None
     with located(project):
         linear = linearize(plant)
-        law, profile = designed.law, step_profile(designed.law, linear)
-        step, found = closed_loop(law, linear, profile, optimum), margins(designed.law, linear)
-        lag = slowest_lag(law, linear)
-        if not _moves(step):  # the actuator cannot drive the plant that way, as a fan cannot heat: step the other way
-            other = closed_loop(law, linear, -profile, optimum)
-            profile, step = (-profile, other) if _moves(other) else (profile, step)
+        try:
+            return _closed(designed, plant, linear)
+        except NeverFreeError as error:
+            raise explained(error, designed.law.inputs, designed.law.outputs, plant, linear) from None
 
-        def figures(moved: Linear) -> Mapping[str, float]:
-            searching = law.solve is not None  # which takes seconds
-            measured = () if searching or not found.stable else (step_metrics(closed_loop(law, moved, profile), lag),)
-            return figures_of(margins(law, moved), *measured)
 
-        points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
-        metrics = step_metrics(step, lag) if found.stable else NO_METRICS
-        to_rest = samples_to_rest(law, linear) * law.period if found.stable else 0.0
-        followed = bode(law, plant, found.crossover_rad_s)
-        beyond = beyond_reach(law.inputs, law.outputs, plant, linear)
-        return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond)
+def _closed(designed: Design, plant: Plant, linear: Linear) -> Loop:
+    law, profile = designed.law, step_profile(designed.law, linear)
+    step, found = closed_loop(law, linear, profile, optimum), margins(designed.law, linear)
+    lag = slowest_lag(law, linear)
+    if not _moves(step):  # the actuator cannot drive the plant that way, as a fan cannot heat: step the other way
+        other = closed_loop(law, linear, -profile, optimum)
+        profile, step = (-profile, other) if _moves(other) else (profile, step)
+
+    def figures(moved: Linear) -> Mapping[str, float]:
+        searching = law.solve is not None  # which takes seconds
+        measured = () if searching or not found.stable else (step_metrics(closed_loop(law, moved, profile), lag),)
+        return figures_of(margins(law, moved), *measured)
+
+    points = tuple((one.says, margins(one.law, linearize(one.plant))) for one in designed.operating)
+    metrics = step_metrics(step, lag) if found.stable else NO_METRICS
+    to_rest = samples_to_rest(law, linear) * law.period if found.stable else 0.0
+    followed = bode(law, plant, found.crossover_rad_s)
+    beyond = beyond_reach(law.inputs, law.outputs, plant, linear)
+    return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond)
 
 
 def runs_away(project: Project, designed: Design, plant: Plant | None) -> bool:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from firmloop.design.analysis.small_signal import NeverFreeError
+from firmloop.design.law import DesignError
 from firmloop.design.roles import reference_and_measurement
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.signal import Signal
@@ -34,18 +36,38 @@ def beyond_reach(
 
     None also where nothing can be told: an integrator goes anywhere, and an unstable plant rests nowhere.
     """
-    a = np.atleast_2d(linear.a)
-    if linear.b.shape[1] != 1 or len(outputs) != 1 or np.any(np.linalg.eigvals(a).real >= 0.0):
+    held = _held(outputs, plant, linear)
+    if held is None:
         return None
-    reference, output = inputs[reference_and_measurement(inputs)[0]], outputs[0]
-    levels = [_level(plant, linear, end) for end in (output.low, output.high)]
-    if None in levels:
-        return None
-    low, high = sorted(level for level in levels if level is not None)
+    reference, (low, high) = inputs[reference_and_measurement(inputs)[0]], held
     room = ROOM * (high - low)
     if not np.isfinite(room) or (reference.low >= low - room and reference.high <= high + room):
         return None
-    return Beyond(reference, output, low, high)
+    return Beyond(reference, outputs[0], low, high)
+
+
+def explained(
+    error: NeverFreeError, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], plant: Plant, linear: Linear
+) -> DesignError:
+    """Add to it where the output's ends hold the plant: gains that were tuned to it are off as the plant is."""
+    held = _held(outputs, plant, linear)
+    if held is None:
+        return error
+    wire, asked = outputs[0], inputs[reference_and_measurement(inputs)[0]]
+    return DesignError(
+        f"{error}; or is it the plant? {wire.name} from {wire.low:.4g} to {wire.high:.4g} {wire.unit} holds it at "
+        f"{held[0]:.4g} to {held[1]:.4g} {asked.unit} at rest, and {asked.name} may be {asked.low:.4g} to "
+        f"{asked.high:.4g} {asked.unit}: check its gain, and the units of both"
+    )
+
+
+def _held(outputs: tuple[Signal, ...], plant: Plant, linear: Linear) -> tuple[float, float] | None:
+    """Return between which levels the output's ends hold the plant's first output; None where it rests nowhere."""
+    a = np.atleast_2d(linear.a)
+    if linear.b.shape[1] != 1 or len(outputs) != 1 or np.any(np.linalg.eigvals(a).real >= 0.0):
+        return None
+    levels = [level for end in (outputs[0].low, outputs[0].high) if (level := _level(plant, linear, end)) is not None]
+    return (min(levels), max(levels)) if len(levels) == 2 else None
 
 
 def _level(plant: Plant, linear: Linear, held: float) -> float | None:

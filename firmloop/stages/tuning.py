@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from firmloop.design.analysis.contest import Entry, contest
+from firmloop.design.analysis.small_signal import NeverFreeError
 from firmloop.design.design import Design, Request
 from firmloop.design.tuning import rules
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.project.project import Project
 from firmloop.stages.plant import located
-from firmloop.stages.reachable import Beyond, beyond_reach
+from firmloop.stages.reachable import Beyond, beyond_reach, explained
 
 SEARCHING = ("iae", "ise", "itae")  # rules that take seconds, in `tune` or where they are asked for
 
@@ -36,7 +37,10 @@ def compare(project: Project, plant: Plant, usual: Sequence[str]) -> tuple[Entry
         project.name, part.settings, part.period, project.controller_inputs, project.controller_outputs, plant
     )
     with located(project):
-        return contest(request, names, own)
+        try:
+            return contest(request, names, own)
+        except NeverFreeError as error:
+            raise explained(error, request.inputs, request.outputs, plant, linearize(plant)) from None
 
 
 def out_of_reach(project: Project, plant: Plant) -> Beyond | None:

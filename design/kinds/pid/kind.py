@@ -165,7 +165,10 @@ def find_gains(request: Request, wires: Wires) -> tuple[str | None, Gains]:
         )
     if request.plant is None:
         raise DesignError(f"controller.tune = '{rule.name}' needs a plant; add [plant] or give kp, ki, kd")
-    return rule.name, rule.tune(linearize(request.plant), request.period, {**room(wires), **table})
+    tuned = rule.tune(linearize(request.plant), request.period, {**room(wires), **table})
+    if tuned.kp == tuned.ki == tuned.kd == 0:
+        raise DesignError(f"{rule.name} gives no gain but 0 for this plant; check the plant's parameters")
+    return rule.name, tuned
 
 
 def room(wires: Wires) -> dict[str, float]:

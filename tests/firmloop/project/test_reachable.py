@@ -88,3 +88,38 @@ def test_tune_is_silent_where_its_step_is_reached(tmp_path, capsys):
     said, document = tuned(tmp_path, capsys, "low = 20, high = 70", 20.0)
     assert "reached" not in said and not any("reached" in note for note in document["notes"])
     assert [entry["unreached"] for entry in document["rules"]] == [None, None]
+
+
+@pytest.mark.parametrize("verb", ["design", "tune"])
+@pytest.mark.parametrize(
+    ("gain", "says"),
+    [
+        ("1e-25", "lower its gains"),
+        ("1e-5", "lower its gains"),
+        ("1e8", "moves its output by less than a millionth of its range; raise its gains"),
+    ],
+)
+def test_gains_that_were_tuned_to_a_gain_beyond_all_measure_blame_the_plant(gain, says, verb, tmp_path, capsys):
+    """Where a rule that only reads the model gives gains that the output's limits never let act."""
+    values = {"GAIN": gain, "kp = KP\nki = 0.0": 'tune = "simc"', "LOW": "20", "HIGH": "90"}
+    text = HEATER
+    for name, value in values.items():
+        text = text.replace(name, value)
+    (tmp_path / "tank.toml").write_text(text)
+    status = main([verb, str(tmp_path / "tank.toml"), "--out", str(tmp_path / "out")])
+    shown = capsys.readouterr()
+    if verb == "tune" and gain == "1e8":  # which measures about the middle of the output, where none of its ends is
+        assert status == 0
+        return
+    assert status == 2, shown
+    assert "stands at a limit at every point tried" in shown.err and says in shown.err
+    held = f"output from 0 to 100 % holds it at 0 to {100 * float(gain):.4g} degC at rest"
+    assert f"{held}, and reference may be 20 to 90 degC: check its gain" in shown.err
+    assert not (tmp_path / "out").exists() or not [*(tmp_path / "out").iterdir()]
+
+
+def test_a_rule_that_gives_no_gain_but_0_is_one_not_for_this_plant(tmp_path, capsys):
+    text = HEATER.replace("GAIN", "1e-25").replace("kp = KP\nki = 0.0", 'tune = "lqr"')
+    (tmp_path / "tank.toml").write_text(text.replace("LOW", "20").replace("HIGH", "90"))
+    assert main(["generate", str(tmp_path / "tank.toml"), "--out", str(tmp_path / "out")]) == 2
+    assert "lqr gives no gain but 0 for this plant; check the plant's parameters" in capsys.readouterr().err
