@@ -44,7 +44,9 @@ def _read(text: object, dimension: str, key: str) -> float:
         raise IdentifyError(f'{key} is {text!r}; write a number and its unit, such as "2.8 mN*m/A"')
     if found.group(2).startswith(","):
         raise IdentifyError(f"{key} is {text!r}; write the number with a point and without marks for thousands")
-    if beside := re.search(r"\u00b1|\+/-|@|\bat\b|\b(?:typ|max|min|nom)\.", found.group(2)):
+    if beside := re.search(
+        r"\u00b1|\+/-|@|\bat\b|\b(?:typ|max|min|nom)\.|^(?:[-\u2010-\u2015~\u2026]|\.\.+|to\b)\s*\d", found.group(2)
+    ):
         raise IdentifyError(
             f"{key} is {text!r}; write the number and its unit alone, without what stands from {beside[0]!r} on; how "
             "far printed figures may be off is datasheet.tolerance"

@@ -12,6 +12,7 @@ from firmloop.identify.bench_tests.standard_tests import Measured
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.kinds import find_kind
+from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import unit_of
 from firmloop.project.project import Project
@@ -119,9 +120,10 @@ def _disagreements(sheet: Sheet, reading: Reading, found: Mapping[str, Found]) -
 
 
 def _plant(project: Project, sheet: Sheet, found: Mapping[str, Found]) -> Mapping[str, object]:
-    """Write the [plant] table; ends that the project names already stay."""
+    """Write the [plant] table; what the project has already stays: its ends, and what no sheet says, such as a gear."""
     part = project.plant
-    entries: dict[str, object] = {}
+    given = part.table.values if part else {}
+    entries: dict[str, object] = {k: v for k, v in (part.parameters if part else {}).items() if k not in found}
     counted = [constant.name for constant in find_kind(sheet.kind).constants if constant.counted]
     for name in sheet.parameters:
         if name in found and name in counted:
@@ -133,12 +135,15 @@ def _plant(project: Project, sheet: Sheet, found: Mapping[str, Found]) -> Mappin
                 reach = NORMAL_95 * deviation
                 entry["ci95"] = [float(f"{found[name].value + sign * reach:.6g}") for sign in (-1, 1)]
             entries[name] = entry
-    effects = []
+    measured = []
     for key, one in found.items():
         effect, _, parameter = (COULOMB[1] if key == COULOMB[0] else key).partition(".")
         if parameter and (one.value > 0.0 or parameter in SIGNED):
-            effects.append({"name": effect, parameter: one.value})
-    ends = {key: part.table.values[key] for key in ("input", "inputs") if key in part.table.values} if part else {}
+            measured.append({"name": effect, parameter: one.value})
+    named = {str(entry["name"]) for entry in measured}
+    own = given.get("effects", [])
+    effects = [entry for entry in own if entry.get("name") not in named] + measured if isinstance(own, list) else own
+    ends = {key: given[key] for key in ("input", "inputs") if key in given}
     wires: dict[str, object] = {"input": sheet.inputs[0]} if len(sheet.inputs) == 1 else {"inputs": list(sheet.inputs)}
     return {
         "kind": sheet.kind,
@@ -190,4 +195,7 @@ def datasheet(project: Project) -> Datasheet:
         told = [entry.sentence(sheet) for entry in reading.contradictions] + _disagreements(sheet, reading, found)
         missing = tuple(name for name in sheet.parameters if name not in found)
         forms = {} if missing or sheet.kind != "dc_motor" else motor_forms({k: v.value for k, v in found.items()})
-        return Datasheet(sheet, reading, found, forms, tuple(told), missing, _plant(project, sheet, found))
+        plant = _plant(project, sheet, found)
+        if not missing:
+            plant_from_table(plant)  # which refuses what is no plant, such as ends that the kind does not have
+        return Datasheet(sheet, reading, found, forms, tuple(told), missing, plant)

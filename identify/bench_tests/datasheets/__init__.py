@@ -10,7 +10,7 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -54,7 +54,7 @@ class Sheet:
 
     `parameters` names the plant's parameters and the figure each one is; `tests` are in the order in which they build
     on each other. `inputs` and `outputs` are the ends of the plant where a project names none, `slips` what is taken
-    for what in such sheets besides units.
+    for what in such sheets besides units. `counted` are figures that are exact, and multiples of what stands there.
     """
 
     kind: str
@@ -65,6 +65,7 @@ class Sheet:
     inputs: tuple[str, ...] = ("voltage_V",)
     outputs: tuple[str, ...] = ("speed_rad_s",)
     slips: tuple[Slip, ...] = ()
+    counted: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ class Contradiction:
 
     def sentence(self, sheet: Sheet) -> str:
         """Say which figures, by how much, and which slip of a unit would explain it."""
-        unit = sheet.figures[self.figure]
+        unit = f" {sheet.figures[self.figure]}".removesuffix(" 1")
         others = " and ".join(self.others)
         lead = "leads" if len(self.others) == 1 else "lead"
         units = [sheet.figures[name] for name in (self.figure, *self.others)]
@@ -96,7 +97,7 @@ class Contradiction:
         )
         check = f"; {slip}: check the units of these figures" if slip else ""
         return (
-            f"{self.figure} is {self.printed:.4g} {unit}, but {others} {lead} to {self.computed:.4g} {unit} "
+            f"{self.figure} is {self.printed:.4g}{unit}, but {others} {lead} to {self.computed:.4g}{unit} "
             f"({self.relation.says}): {by}{check}"
         )
 
@@ -135,6 +136,9 @@ def read_sheet(sheet: Sheet, table: Mapping[str, object], tolerance: float) -> R
         figures[key] = in_si(value, sheet.figures[key], f"datasheet.{key}")
         if figures[key] <= 0.0:
             raise IdentifyError(f"datasheet.{key} is {value!r}; it must be above 0")
+        if key in sheet.counted and figures[key] % sheet.counted[key]:
+            kind = "an even number" if sheet.counted[key] == 2 else "a whole number"
+            raise IdentifyError(f"datasheet.{key} is {value!r}; it is counted, so that it must be {kind}")
     printed = dict(figures)
     roots = {name: frozenset((name,)) for name in figures}
     derived: dict[str, Relation] = {}
@@ -158,7 +162,8 @@ def read_sheet(sheet: Sheet, table: Mapping[str, object], tolerance: float) -> R
                 relation.figure, printed[relation.figure], computed, off, relation, tuple(sorted(origin)), tolerance
             )
             found = {pair: told for pair, told in found.items() if not whole < pair} | {whole: entry}
-    moved = [_followed(sheet, {**printed, name: printed[name] * (1.0 + tolerance)}) for name in printed]
+    measured = [name for name in printed if name not in sheet.counted]
+    moved = [_followed(sheet, {**printed, name: printed[name] * (1.0 + tolerance)}) for name in measured]
     halves = {name: math.sqrt(sum((other[name] - value) ** 2 for other in moved)) for name, value in figures.items()}
     return Reading(figures, halves, derived, tuple(found.values()))
 

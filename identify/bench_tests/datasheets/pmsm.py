@@ -55,6 +55,7 @@ def _run_up(given: Recording, known: Known) -> Known:
 
 SHEET = Sheet(
     kind="pmsm",
+    counted={"poles": 2, "pole_pairs": 1},
     figures={
         "poles": "1",
         "pole_pairs": "1",
