@@ -104,7 +104,7 @@ def matrix(table: Mapping[str, object], key: str, rows: int | None, columns: int
     value = table[key]
     nested = isinstance(value, list | tuple) and all(isinstance(row, list | tuple) for row in value)
     if not nested or not isinstance(value, list | tuple):
-        raise DesignError(f"controller.{key} is not a list of rows; write it like {key} = [[1.0, 0.0], [0.0, 1.0]]")
+        raise DesignError(f"controller.{key} is not a list of rows; {_as_rows(key, value)}")
     if not value:
         raise DesignError(f"controller.{key} has no rows; give at least one")
     widths = {len(row) for row in value}
@@ -119,6 +119,15 @@ def matrix(table: Mapping[str, object], key: str, rows: int | None, columns: int
             "correct one of them"
         )
     return found
+
+
+def _as_rows(key: str, value: object) -> str:
+    """Say how to write a matrix; where numbers stand alone, those."""
+    entries = value if isinstance(value, list | tuple) else [value]
+    if not all(isinstance(entry, int | float) and not isinstance(entry, bool) for entry in entries):
+        return f"write it like {key} = [[1.0, 0.0], [0.0, 1.0]]"
+    row, column = f"{key} = {[[*entries]]}", f"{key} = {[[entry] for entry in entries]}"
+    return f"write {row}" if len(entries) == 1 else f"write {row} for one row, {column} for one column"
 
 
 def limits(table: Mapping[str, object], wires: Sequence[Signal]) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -90,6 +90,10 @@ def _folder(given: Path, out: Path | None, named: Sequence[Judge], console: Cons
 
     if not given.is_file():
         return given
+    if given.name == "proof.json":
+        return given.parent
+    if given.suffix == ".json":
+        raise ProjectError(f"{given}: is no project; give the folder that `firmloop generate` wrote, or its proof.json")
     if out is None:
         raise ProjectError(f"{given}: of a project, --out DIR says where its C goes")
     project = load(given)

@@ -85,6 +85,11 @@ def redraw(
     """
     problem, point = _posed(fit, train, conditioning)
     free = list(problem.free)
+    if not free:
+        raise IdentifyError(
+            "plant.parameters: none is free, so that there is no interval to examine; set free = true for those "
+            "that recordings shall tell, or take `firmloop identify`, which scores a plant as it is given"
+        )
     unsure = [fit.plant.parameters[k].name for k in free if fit.plant.parameters[k].deviation is None]
     if unsure:
         raise IdentifyError(f"plant.parameters.{unsure[0]} has no interval to be checked; fix it with free = false")

@@ -104,3 +104,19 @@ def test_the_example_of_every_kind_designs(kind):
 
 def test_rules_are_found():
     assert "simc" in rules() and all(rule.keys for rule in rules().values())
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ([3.0, 0.5], "write K = [[3.0, 0.5]] for one row, K = [[3.0], [0.5]] for one column"),
+        ([3.0], "write K = [[3.0]]"),
+        (3.0, "write K = [[3.0]]"),
+        ([3.0, "a"], "write it like K = [[1.0, 0.0], [0.0, 1.0]]"),
+    ],
+)
+def test_numbers_that_stand_alone_are_shown_as_rows(given, words):
+    table = {"A": [[1.0, 0.1], [0.0, 0.9]], "B": [[0.0], [0.1]], "K": given, "states": ["reference", "measurement"]}
+    with pytest.raises(DesignError) as caught:
+        design("state_feedback", "x", table, 0.001, (R, Y), (U,), None)
+    assert str(caught.value) == f"controller.K is not a list of rows; {words}"

@@ -187,6 +187,13 @@ def test_what_is_no_proof_is_the_users_file(delivered: Path, capsys: pytest.Capt
     assert "proof.json" in capsys.readouterr().err
 
 
+def test_the_file_of_the_proof_stands_for_its_folder(delivered: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["prove", str(delivered / "proof.json")]) == 0
+    assert "proven" in capsys.readouterr().out.splitlines()
+    assert main(["prove", str(delivered / "manifest.json")]) == 2
+    assert "is no project; give the folder that `firmloop generate` wrote" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["proof.json", "wheel_speed.c", "wheel_speed.h", "fl_fixed.h"])
 def test_a_missing_file_is_named(delivered: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
     next(delivered.rglob(name)).unlink()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -92,6 +93,17 @@ def test_examine_says_how_far_to_trust(trials: Path, tmp_path: Path, capsys: pyt
     assert document["sensitivity"]["local"]["final"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert set(document["conditioning"]) == {"gain", "time_constant_s"}
     assert (tmp_path / "out" / "project.toml").is_file()
+
+
+def test_a_plant_without_a_free_parameter_has_nothing_to_examine(
+    trials: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trials.write_text(
+        re.sub(r"^(gain|time_constant_s) = (.*)$", r"\1 = { value = \2, free = false }", PROJECT, flags=re.M)
+    )
+    assert main(["examine", str(trials), "--out", str(tmp_path / "out"), "--draws", "200"]) == 2
+    assert "plant.parameters: none is free, so that there is no interval to examine" in capsys.readouterr().err
+    assert not [*(tmp_path / "out").glob("*.json")]
 
 
 @pytest.mark.parametrize("verb", ["step", "examine"])
