@@ -138,7 +138,8 @@ def _converted(rule: Column, foreign: str, printed: str, values: Array, file: st
                 f"wraps at {rule.wraps:.10g} stays within so much; wraps is counted as the file counts, before unit "
                 "and scale: correct it in [recordings.rename]"
             )
-        values = _unwrapped(values, rule.wraps, rule.name == "time_s")
+        way = -1.0 if rule.scale < 0.0 and rule.name == "time_s" else 1.0  # of a timer that counts down
+        values = way * _unwrapped(way * values, rule.wraps, rule.name == "time_s")
     if rule.scale != 1.0 or rule.offset != 0.0:
         values = values * rule.scale + rule.offset
     unit = rule.unit or printed

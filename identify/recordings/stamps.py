@@ -26,6 +26,7 @@ _PRESCALED = {
     for bits in (32 if power >= 32 else 24 if power >= 24 else 16,)
 }
 _SWAPPED = 50  # places that a logger, or a network, puts a row too early or too late
+_DOWN = 0.5  # of the steps: a clock that falls more often than it rises counts down
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
 _CHANGES = 10  # of a stamp that say enough of the period
 _LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
@@ -58,8 +59,8 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
             f"time, exchange the names time_s and {clock[0]} in the file's header or in [recordings.rename]"
         )
     falls = steps[steps < 0.0]
-    if len(falls) and not np.any(steps > 0.0):
-        raise IdentifyError(f"{plain}: time must rise; it falls in every row: turn the rows around, the last one first")
+    if len(falls) > _DOWN * len(steps) and steps[0] < 0.0:  # one that rises first may be a counter seen too seldom
+        raise _counts_down(time, steps, given, plain, table)
     if len(falls):
         raise _fallen(time, steps, given, plain, table, k)
     period = _even_period(time)
@@ -99,7 +100,8 @@ def check_wraps(counts: Array, table: RawTable, given: tuple[str, Column], file:
         naming the fall, what `wraps` makes of it, and the line that fits.
     """
     foreign, rule = given
-    counted, passed = np.diff(counts), np.diff(table.columns[table.names.index("time_s")])
+    counted = np.diff(counts) * (1.0 if rule.scale > 0.0 else -1.0)  # of a clock that counts down
+    passed = np.diff(table.columns[table.names.index("time_s")])
     fallen, risen = counted < 0.0, counted > 0.0
     if not rule.wraps or not np.any(fallen) or not np.any(risen):
         return
@@ -113,9 +115,9 @@ def check_wraps(counts: Array, table: RawTable, given: tuple[str, Column], file:
     fits = [size for size in _powers(count) if np.ptp(time) < size and np.all(np.abs(falls + size - usual) <= loose)]
     if not fits:
         return
-    k = int(np.argmax(fallen))
+    k, moves = int(np.argmax(fallen)), "falls" if rule.scale > 0.0 else "leaps"
     raise IdentifyError(
-        f"{file}: {table.place} {table.places[k + 1]}, column {foreign}: falls by {-counted[k]:.10g}, from "
+        f"{file}: {table.place} {table.places[k + 1]}, column {foreign}: {moves} by {-counted[k]:.10g}, from "
         f"{counts[k]:.10g} to {counts[k + 1]:.10g}, and with wraps = {rule.wraps:.10g} the clock goes on by "
         f"{leaps[0]:.6g} s there, where rows are {usual:.6g} s apart; {_shown(fits[0] / count)} fits every fall, which "
         f"is {_powers(count)[fits[0]]}: correct wraps",
@@ -133,6 +135,34 @@ def _wrapping_at(counts: float, given: tuple[str, Column]) -> str:
     kept = f", scale = {rule.scale!r}" if rule.scale != 1.0 else ""
     line = rename_line(foreign, "time_s", rule.unit or "s").removesuffix(" }")
     return f"[recordings.rename]\n{line}{kept}, wraps = {_shown(counts)} }}"
+
+
+def _counts_down(time: Array, steps: Array, given: tuple[str, Column], plain: str, table: RawTable) -> IdentifyError:
+    """Tell a timer that counts down from rows that stand the last one first."""
+    foreign, rule = given
+    rises = np.flatnonzero(steps > 0.0)
+    usual, count = float(np.median(-steps[steps < 0.0])), _count_of(given)
+    found = _wrap(-time, -steps, usual, count, _goes_on(table, rises)) if len(rises) else None
+    line = f"{rename_line(foreign, 'time_s', rule.unit or 's').removesuffix(' }')}, scale = {-rule.scale!r}"
+    if found is None:
+        much = "nearly every" if len(rises) else "every"
+        return IdentifyError(
+            f"{plain}: time must rise; it falls in {much} row: turn the rows around, if the last one came first; if "
+            "they are in order, the clock counts down",
+            f"[recordings.rename]\n{line} }}",
+        )
+    size, says = found
+    return IdentifyError(
+        f"{plain}: the clock counts down, and begins again from the top after {size:.10g} s, which is {says}. Turning "
+        "or splitting the rows would tear the recording; keep every row and say so",
+        f"[recordings.rename]\n{line}, wraps = {_shown(size / count)} }}",
+    )
+
+
+def _count_of(given: tuple[str, Column]) -> float:
+    """Return how long one count of the file is, s."""
+    rule = given[1]
+    return rule.scale * (conversion(rule.unit, "s", "").factor if rule.unit else 1.0)
 
 
 def _other_clock(table: RawTable, stuck: NDArray[np.intp]) -> tuple[str, float] | None:
@@ -153,13 +183,12 @@ def _rows(count: int) -> str:
 
 def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, table: RawTable, k: int) -> IdentifyError:
     """Tell a counter that wraps from recordings in a row and rows out of order."""
-    rule = given[1]
     falls = steps[steps < 0.0]
     usual = float(np.median(steps[steps > 0.0]))
-    count = rule.scale * (conversion(rule.unit, "s", "").factor if rule.unit else 1.0)  # s
-    found = _wrap(time, steps, usual, count, _goes_on(table, np.flatnonzero(steps < 0.0)))
+    found = _wrap(time, steps, usual, _count_of(given), _goes_on(table, np.flatnonzero(steps < 0.0)))
     if found:
         size, says = found
+        count = _count_of(given)
         return IdentifyError(
             f"{plain}: the clock is a counter that wraps: it falls by {-float(falls[0]):.10g} s, and {size:.10g} s is "
             f"{says}. Sorting would tear the recording; keep every row and say where the counter wraps",
