@@ -53,11 +53,11 @@ def table_of_groups(groups: Sequence[Group], remedy: str) -> RawTable | Misread:
     table = table_of_arrays(tuple((name, values) for name, values, _ in only.vectors))
     if isinstance(table, Misread):
         return table
-    units = tuple(unit for _, _, unit in only.vectors)
+    units = tuple(unit for name, _, unit in only.vectors if name in table.names)
     if 8 * only.rows * len(only.vectors) > MOST_BYTES:
         return is_too_large(8 * only.rows * len(only.vectors))
     notes = (late,) if late else (f"is read from its group {only.name}",) if only.name else ()
-    return replace(table, units=units if any(units) else (), notes=notes)
+    return replace(table, units=units if any(units) else (), notes=(*notes, *table.notes))
 
 
 def _merged(groups: Sequence[Group]) -> list[Group]:

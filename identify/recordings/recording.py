@@ -20,7 +20,7 @@ from firmloop.identify.recordings.extent import check_columns, read_whole
 from firmloop.identify.recordings.formats import find_format, known_endings
 from firmloop.identify.recordings.lost_rows import leapt_over, uncounted
 from firmloop.identify.recordings.stamps import check_stamps, check_wraps
-from firmloop.identify.recordings.table import Misread, RawTable, told_words, without_row_numbers
+from firmloop.identify.recordings.table import Misread, RawTable, told_aside, told_words, without_row_numbers
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
 
@@ -125,9 +125,7 @@ def column(recording: Recording, name: str, otherwise: str = "") -> Array:
     """
     if name not in recording.columns:
         if holds := recording.words.get(name):
-            raise IdentifyError(
-                f"{recording.source}: column {name} is no column of numbers, it {holds}; write numbers there"
-            )
+            raise IdentifyError(f"{recording.source}: {told_aside(name, holds)}")
         lines = [line for foreign in recording.columns if (line := in_another_unit(foreign, name))]
         aside = told_words(recording.words)
         raise IdentifyError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -50,7 +50,8 @@ _FEWEST = 2  # columns of numbers: a time and one signal
 def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawTable | Misread:
     """Check arrays of a binary file (one per column) and count their rows from 1.
 
-    Dates become seconds from the first; text, columns of NaN, and single values beside arrays, are left aside.
+    Dates become seconds from the first; text, columns of NaN, and single values beside arrays, are left aside, and so
+    is what has another shape than most columns, such as the gains of a workspace.
     """
     columns = []
     aside = {
@@ -58,6 +59,7 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
         for name, array in arrays
         if _is_a_remark(array)
     }
+    aside |= _unlike([each for each in arrays if each[0] not in aside])
     if len(arrays) - len(aside) < _FEWEST:  # then what is left aside may be the signal itself
         aside = {}
     units = tuple("s" if array.dtype.kind in "mM" else "" for name, array in arrays if name not in aside)
@@ -76,6 +78,32 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
     names = tuple(name for name, _ in arrays)
     notes = (f"holds {', '.join(aside)[:80]} beside its columns, left aside",) if aside and columns else ()
     return RawTable(names, tuple(columns), "row", np.arange(1, rows + 1), units if any(units) else (), notes, aside)
+
+
+def _unlike(arrays: Sequence[tuple[str, NDArray[np.generic]]]) -> dict[str, str]:
+    """Say of each array that is no column of as many rows as time_s has, or else as most have, what it is instead."""
+    lengths = [len(array) for _, array in arrays if array.ndim == 1]
+    if not lengths:
+        return {}
+    name, rows = max(
+        ((name, len(array)) for name, array in arrays if array.ndim == 1), key=lambda x: lengths.count(x[1])
+    )
+    timed = next((len(array) for known, array in arrays if known == "time_s" and array.ndim == 1), 0)
+    name, rows = ("time_s", timed) if timed else (name, rows)
+    return {
+        other: f"has {len(array)} rows where {name} has {rows}"
+        if array.ndim == 1
+        else f"is a {'x'.join(map(str, array.shape))} array"
+        for other, array in arrays
+        if array.ndim != 1 or len(array) != rows
+    }
+
+
+def told_aside(name: str, holds: str) -> str:
+    """Return what to say where a column is needed that was left aside."""
+    if holds.startswith(("has ", "is a ")):
+        return f"column {name} was left aside, for it {holds}; store it as one value a row"
+    return f"column {name} is no column of numbers, it {holds}; write numbers there"
 
 
 def without_row_numbers(table: RawTable) -> RawTable:

@@ -118,3 +118,33 @@ def test_each_file_is_read_once_though_a_column_of_the_first_stands_still(
         (tmp_path / name).write_text("\n".join([*rows, ""]))
     status, _ = begun(tmp_path / "a.csv", tmp_path / "b.csv", capsys=capsys)
     assert status == 0 and seen == ["a.csv", "b.csv"]
+
+
+WORKSPACE = {
+    **{name: np.asarray(values) for name, values in zip(NAMES, (TIME, VOLTS, SPEED), strict=True)},
+    "K": np.array([3.0, 0.5]),
+    "A": np.array([[1.0, 0.1], [0.0, 0.9]]),
+    "wheel_rad_s": VOLTS[:-5],
+}
+
+
+@pytest.mark.parametrize("ending", ["mat", "npz", "h5"])
+def test_what_stands_in_a_workspace_besides_is_left_aside_and_named(
+    ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / f"r.{ending}"
+    if ending == "h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            for name, values in WORKSPACE.items():
+                file[name] = values
+    else:
+        (scipy.io.savemat if ending == "mat" else lambda file, held: np.savez(file, **held))(path, WORKSPACE)
+    status, said = begun(path, capsys=capsys)
+    assert status == 0 and "voltage_V -> speed_rad_s" in said
+    assert "column K has 2 rows where time_s has 400 and is not used" in said
+    assert "column A is a 2x2 array and is not used" in said
+    project = tmp_path / "p.toml"
+    project.write_text(project.read_text().replace('outputs = ["speed_rad_s"]', 'outputs = ["wheel_rad_s"]'))
+    assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 2
+    short = "column wheel_rad_s was left aside, for it has 395 rows where time_s has 400; store it as one value a row"
+    assert short in capsys.readouterr().err
