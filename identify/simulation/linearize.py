@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.assembly import ADD, FACTOR, EffectTerm
 from firmloop.identify.plants.attach import placed, values_of, with_effects
 from firmloop.identify.plants.effect import turning
@@ -40,8 +41,26 @@ def linearize(plant: Plant) -> Linear:
     A wave over the angle (gravity, cogging) is a spring only where the position is an output and the wave is no
     shorter than a turn; elsewhere the shaft goes through slopes of both signs, and their mean is zero.
     """
-    if plant.effects:
-        return _with_effects(plant)
+    found = _with_effects(plant) if plant.effects else _bare(plant)
+    rows = np.vstack([np.hstack([found.a, found.b]), np.hstack([found.c, found.d])])
+    if not np.all(np.isfinite(rows)):
+        raise IdentifyError(_no_slope(plant, found))
+    return found
+
+
+def _no_slope(plant: Plant, found: Linear) -> str:
+    """Say which equation has no finite slope at rest, and which value of 0 it may be divided by."""
+    wrong = ~np.all(np.isfinite(np.hstack([found.a, found.b])), axis=1)
+    named = [state.name for state, bad in zip(plant.states, wrong, strict=False) if bad]
+    which = f"the derivative of {named[0]}" if named else "an output"
+    zero = [parameter.name for parameter in plant.parameters if parameter.value == 0.0]
+    cure = f"correct {' or '.join(zero)}, which is 0" if zero else "correct the equation or its parameters"
+    return (
+        f"plant.parameters: {which} has no finite slope with states and inputs at 0, as if it were divided by 0; {cure}"
+    )
+
+
+def _bare(plant: Plant) -> Linear:
     x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
     rate, reading = plant.rate(x, u, p), plant.reading(x, u, p)
     slopes = ca.Function(
