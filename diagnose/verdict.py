@@ -18,10 +18,11 @@ from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
 from firmloop.diagnose.model.candidate import Candidate, larger, relative, residual_sizes, unseen_residuals, without
 from firmloop.diagnose.model.descent import residual_of
-from firmloop.diagnose.model.fit import deviations, fit, fit_starts, noises_of, strength
-from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
+from firmloop.diagnose.model.fit import beside_scale, deviations, fit, fit_starts, noises_of, strength
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, as_written
 from firmloop.diagnose.model.own_values import own_of_all
 from firmloop.diagnose.model.sandwich_covariance import doubtful
+from firmloop.diagnose.model.scale_doubt import interval_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.policy import (
     COUNTED_SAMPLES,
@@ -46,7 +47,6 @@ from firmloop.diagnose.sentences import paragraph
 from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import acts_at, parameters_of
-from firmloop.identify.plants.effect import EffectParameter
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
 
@@ -269,11 +269,12 @@ def _weights(candidates: Sequence[Candidate], untold: bool = False) -> list[floa
 
 
 def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability: float) -> Named:
-    spread = deviations(candidate.fitted)
-    estimates = {}
+    spread, alone = deviations(candidate.fitted), beside_scale(candidate.fitted)
+    values, estimates = as_written(candidate.fitted.point.values), {}
     for key, each in zip(term.keys, term.parameters, strict=True):
-        value = candidate.fitted.point.values.get(key, each.neutral)
-        interval = _interval(each, value, NORMAL_95 * spread.get(key, math.inf))
+        value = values.get(key, each.neutral)
+        reach, sure = (NORMAL_95 * known.get(key, math.inf) for known in (spread, alone))
+        interval = interval_of(each, value, reach, sure)
         estimates[each.name] = Estimate(value, interval, each.unit)
     place = term.place_told(problem.plant)
     says = f"{term.effect.says.rstrip('.')}" + (f" ({place})" if place else "")
@@ -289,17 +290,6 @@ def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability:
     )
 
 
-def _interval(known: EffectParameter, value: float, reach: float) -> tuple[float, float] | None:
-    """Return value ± reach, as a factor where the parameter was fitted as its logarithm; None where it is unknown."""
-    if not math.isfinite(reach):
-        return None
-    low, high = value - reach, value + reach
-    if known.logarithmic and value > 0.0:
-        factor = math.exp(min(reach / value, 50.0))
-        low, high = value / factor, value * factor
-    return min(max(low, known.low), value), max(min(high, known.high), value)
-
-
 def _equation(problem: Problem, term: LibraryTerm) -> str:
     linear = any(balance.kind == "force" for balance in problem.plant.balances)
     return "force" if term.effect.equation == "torque" and linear else term.effect.equation
@@ -309,7 +299,10 @@ def _with_interval(each: Estimate) -> str:
     unit = "" if each.unit in ("", "1") else f" {each.unit}"
     if each.interval is None:
         return f"{each.value:.4g}{unit} (interval unknown)"
-    half = 0.5 * (each.interval[1] - each.interval[0])
+    low, high = each.interval
+    half = 0.5 * (high - low)
+    if low * high > 0.0 and half >= abs(each.value):  # it is known by a factor
+        return f"{each.value:.2g} ({low:.2g} to {high:.2g}){unit}"
     told = math.log10(abs(each.value) / half) if half > 0.0 and each.value != 0.0 else 0.0
     digits = min(max(4, math.ceil(told) + 2), MOST_DIGITS)  # a gain of 1.0003 that is known to 3e-5 is not 1
     return f"{each.value:.{digits}g} ± {half:.2g}{unit}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.hypothesis import Point, Problem, Unknown, full_start, outputs_of
+from firmloop.diagnose.model.hypothesis import Point, Problem, Unknown, full_start, outputs_of, stepped
 from firmloop.diagnose.policy import (
     BROKEN_DAMPING,
     CORRECTED_SHARE,
@@ -99,7 +99,8 @@ class SumOfSquares:
         """Return the point a step (k + s w,) of all unknowns away; bounds hold by stopping at them."""
         count, states = len(self.unknowns), len(self.problem.engine.states)
         values = dict(point.values)
-        for each, place in zip(self.unknowns, self._inner(point) + step[:count], strict=True):
+        there = stepped(self.problem.terms, self.unknowns, self._inner(point), step[:count])
+        for each, place in zip(self.unknowns, there, strict=True):
             values[each.name] = each.outer(float(place))
         for term in self.problem.terms:
             if term.effect.within is not None and all(key in values for key in term.keys):

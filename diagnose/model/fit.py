@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.model.descent import Place, SumOfSquares, descended, solved
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, Unknown, coordinates, full_start
-from firmloop.diagnose.model.torque_scale import near_given
+from firmloop.diagnose.model.torque_scale import inertia_of, near_given, on_scale_of_torques
 from firmloop.diagnose.policy import (
     CONSTANT_DEVIATION,
     FIT_PATIENCE,
@@ -126,8 +126,11 @@ def variances(normal: Array, count: int) -> Array:
 
 
 def strength(fitted: Fitted, term: LibraryTerm) -> float:
-    """Return how many deviations a term is from changing nothing: its first parameter, or the surest of its sizes."""
-    known, switches = deviations(fitted), term.effect.switches
+    """Return how many deviations a term is from changing nothing: its first parameter, or the surest of its sizes.
+
+    Beside the inertia as found: what is known but for a factor that all torques have in common may not be nothing.
+    """
+    known, switches = beside_scale(fitted), term.effect.switches
     found = []
     for place in switches if len(switches) > 1 else range(min(1, len(term.keys))):
         neutral, key = term.parameters[place].neutral, term.keys[place]
@@ -137,9 +140,18 @@ def strength(fitted: Fitted, term: LibraryTerm) -> float:
     return max(found, default=math.inf)
 
 
-def deviations(fitted: Fitted) -> Mapping[str, float]:
-    """Return one standard deviation of every parameter, in its unit."""
-    spread = np.sqrt(np.maximum(variances(fitted.normal, len(fitted.coordinates)), 0.0))
+def beside_scale(fitted: Fitted) -> Mapping[str, float]:
+    """Return one standard deviation of every parameter: of a torque or a force, if the scale of all were known."""
+    alone = deviations(fitted, inertia_of(fitted.coordinates))
+    return {name: alone[name] if on_scale_of_torques(name) else each for name, each in deviations(fitted).items()}
+
+
+def deviations(fitted: Fitted, held: Collection[str] = ()) -> Mapping[str, float]:
+    """Return one standard deviation of every parameter, in its unit; 0 of what is `held`, and beside that."""
+    count = len(fitted.coordinates)
+    free = [k for k in range(len(fitted.normal)) if k >= count or fitted.coordinates[k].name not in held]
+    spread = np.zeros(len(fitted.normal))
+    spread[free] = np.sqrt(np.maximum(variances(fitted.normal[np.ix_(free, free)], len(free)), 0.0))
     met = np.diag(fitted.normal) > UNSEEN
     found = {}
     for index, each in enumerate(fitted.coordinates):

@@ -17,6 +17,7 @@ from firmloop.diagnose.policy import (
     DIFFERENCE_STEP,
     FINE_DIFFERENCE_STEP,
     LEAST_INERTIA,
+    LONGEST_STEP,
     ROUGH_DIFFERENCE_STEP,
     ROUNDING,
     SLOW_NOISE,
@@ -44,6 +45,7 @@ from firmloop.identify.simulation.superset import Superset, inertia_parameter, s
 Array = NDArray[np.float64]
 
 MOMENT = ".time_s"  # how the full name of a moment ends
+PHASE = ".phase_rad"  # and of where a wave begins
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,6 +275,30 @@ def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str,
             size = max((abs(start[key]) for start in problem.starts[term.label] if key in start), default=1.0)
             found.append(Unknown(key, each.logarithmic, each.low, each.high, size or 1.0, step))
     return tuple(found)
+
+
+def stepped(terms: Sequence[LibraryTerm], unknowns: Sequence[Unknown], here: Array, step: Array) -> Array:
+    """Return coordinates (k,) a step away; a wave of known period goes by what the step does to its two quadratures.
+
+    In those it is linear. Its size and phase by themselves lead astray: that of a small wave turns by any angle.
+    """
+    there = here + step
+    places = {each.name: k for k, each in enumerate(unknowns)}
+    for term in terms:
+        if len(term.keys) != 2 or not term.keys[1].endswith(PHASE) or not places.keys() >= set(term.keys):
+            continue
+        size, phase = (places[key] for key in term.keys)
+        side = math.copysign(1.0, here[size])
+        turn = float(np.clip(side * here[size] * step[phase] * unknowns[phase].scale, -LONGEST_STEP, LONGEST_STEP))
+        along = side * there[size]
+        there[size] = math.copysign(math.hypot(along, turn), here[size])
+        there[phase] = here[phase] + math.atan2(turn, along) / unknowns[phase].scale
+    return there
+
+
+def as_written(values: Mapping[str, float]) -> Mapping[str, float]:
+    """Return values with the phases of waves within half a turn: a fit may have gone around several times."""
+    return {key: math.remainder(each, math.tau) if key.endswith(PHASE) else each for key, each in values.items()}
 
 
 def _may_vanish(name: str) -> bool:

@@ -7,15 +7,15 @@ fitted, the logarithm of their ratio is by how much that scale may be off.
 from __future__ import annotations
 
 import math
-import re
 
 from firmloop.diagnose.model.angle import with_walk
 from firmloop.diagnose.model.fit import Fitted, doubted
 from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.model.torque_scale import on_scale_of_torques
 from firmloop.diagnose.policy import SAME_CONSTANT
+from firmloop.identify.plants.effect import EffectParameter
 
 _TORQUE, _VOLTAGE = "kt_N_m_A", "ke_V_s_rad"
-_SCALED = re.compile(r"_(N|kg)(_|$)")  # in a name: its unit has a force in it
 
 
 def scale_doubt(problem: Problem, fitted: Fitted) -> float:
@@ -38,5 +38,22 @@ def with_doubt_of_given(problem: Problem, fitted: Fitted) -> Fitted:
 def with_scale_doubt(problem: Problem, fitted: Fitted) -> Fitted:
     """Widen the deviations of all that is on the scale of torques."""
     doubt = scale_doubt(problem, fitted)
-    values = {each.name: fitted.point.values[each.name] for each in fitted.coordinates if _SCALED.search(each.name)}
+    values = {
+        each.name: fitted.point.values[each.name] for each in fitted.coordinates if on_scale_of_torques(each.name)
+    }
     return doubted(fitted, {name: doubt * abs(value) for name, value in values.items()})
+
+
+def interval_of(known: EffectParameter, value: float, reach: float, alone: float) -> tuple[float, float] | None:
+    """Return value ± reach, None where it is unknown; as a factor where the parameter was fitted as its logarithm.
+
+    So, too, where only a scale of torques of which little is known would let it be nothing: `alone` is its reach if
+    that scale were known.
+    """
+    if not math.isfinite(reach):
+        return None
+    low, high = value - reach, value + reach
+    if (known.logarithmic and value > 0.0) or alone < abs(value) <= reach:
+        factor = math.exp(min(reach / abs(value), 50.0))
+        low, high = sorted((value / factor, value * factor))
+    return min(max(low, known.low), value), max(min(high, known.high), value)

@@ -8,21 +8,33 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 import scipy
 
 from firmloop.diagnose.model.descent import Place, SumOfSquares
-from firmloop.diagnose.model.hypothesis import Point
+from firmloop.diagnose.model.hypothesis import Point, Unknown
 from firmloop.diagnose.policy import FARTHEST_TORQUE_SCALE
 
 _CONSTANT = "kt_N_m_A"
 _TORQUE = re.compile(r"_(N|kg)(_|$)")  # in a name: its unit has a force in it
+_INERTIA = re.compile(r"_kg(_|$)")  # in a name: its unit is that of a mass or an inertia
+
+
+def on_scale_of_torques(name: str) -> bool:
+    """Tell whether a parameter is a torque or a force, or so much per something."""
+    return _TORQUE.search(name) is not None
+
+
+def inertia_of(unknowns: Iterable[Unknown]) -> tuple[str, ...]:
+    """Return the plant's first inertia or mass that is fitted: all torques are on its scale; nothing where none is."""
+    return tuple(each.name for each in unknowns if _INERTIA.search(each.name) and "." not in each.name)[:1]
 
 
 def near_given(squares: SumOfSquares, place: Place) -> Place:
     """Return the place with all torques by the one factor that is most likely beforehand, where that costs less."""
     values = place.point.values
-    keys = [each.name for each in squares.unknowns if each.name in values and _TORQUE.search(each.name)]
+    keys = [each.name for each in squares.unknowns if each.name in values and on_scale_of_torques(each.name)]
     if _CONSTANT not in keys:
         return place
 

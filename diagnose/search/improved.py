@@ -11,7 +11,7 @@ import numpy as np
 from firmloop.diagnose.data.quantization import Direct, coarse
 from firmloop.diagnose.model.candidate import Candidate, residual_sizes
 from firmloop.diagnose.model.fit import deviations
-from firmloop.diagnose.model.hypothesis import declared
+from firmloop.diagnose.model.hypothesis import as_written, declared
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.plants.attach import label_of, parameters_of, with_effects
 from firmloop.identify.plants.per_recording import centred
@@ -39,7 +39,7 @@ def blurred(search: Search, shown: Candidate, read: Sequence[Direct]) -> tuple[D
 
 def improved_plant(search: Search, shown: Candidate) -> Plant:
     """Return the plant with the parameters and effects of an explanation, beside those it had."""
-    values, spread = shown.fitted.point.values, deviations(shown.fitted)
+    values, spread = as_written(shown.fitted.point.values), deviations(shown.fitted)
     bare = tuple(_improved(p, values, spread) for p in search.problem.plant.parameters)
     given = replace(search.problem.plant, parameters=bare)
     given = _centred(given, shown)

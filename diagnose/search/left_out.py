@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.descent import residual_of
-from firmloop.diagnose.model.fit import deviations, fit, fit_starts
+from firmloop.diagnose.model.fit import beside_scale, fit, fit_starts
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
 from firmloop.diagnose.policy import (
     CROSS_FIT_PATIENCE,
@@ -126,7 +126,7 @@ def _certain_of(
     begin = fit_starts(part, rest, each.values, noises, each.starts)
     fitted = fit(part, rest, each.terms, begin, noises, steps, CROSS_FIT_PATIENCE)
     values = fitted.point.values
-    spread = deviations(fitted)
+    spread = beside_scale(fitted)
     return values, {name for name, size in spread.items() if abs(values.get(name, 0.0)) > NORMAL_95 * size}
 
 

@@ -1,0 +1,112 @@
+"""Where the angle alone is read, all torques are known but for one factor: an effect is no less certain for that."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.fit import deviations, strength
+from firmloop.diagnose.model.hypothesis import Point, coordinates, entered, first_point, stepped
+from firmloop.diagnose.model.scale_doubt import interval_of
+from firmloop.identify.normal import NORMAL_95
+from tests.diagnose.cases import diagnosis, logged, problem_of, refitted
+
+R, L, K, J, B = 2.0, 1e-3, 0.05, 2e-4, 1e-4
+PULL = 0.02  # N m, of the arm's weight
+NOISE = 1e-3  # rad
+PROJECT = """schema = 1
+name = "arm"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "dc_motor"
+input = "voltage_V"
+outputs = ["position_rad"]
+[plant.parameters]
+R_ohm = { value = 2.2, free = true }
+L_H = { value = 0.001, free = false }
+ke_V_s_rad = { value = 0.052, free = true }
+kt_N_m_A = { value = 0.052, free = true }
+J_kg_m2 = { value = 1.5e-4, free = true }
+b_N_m_s_rad = { value = 1e-4, free = true }
+"""
+
+
+def swung(drive: NDArray[np.float64], step: float, phase: float, friction: float) -> NDArray[np.float64]:
+    """Return the angle of an arm that hangs from a motor; at zero it hangs if `phase` is zero."""
+    fine = 20
+    current = speed = angle = 0.0
+    read = np.empty(len(drive))
+    for k, voltage in enumerate(drive):
+        read[k] = angle
+        for _ in range(fine):
+            current += step / fine * (voltage - R * current - K * speed) / L
+            push = K * current - B * speed - PULL * math.sin(angle + phase) - friction * math.tanh(speed / 0.01)
+            speed += step / fine * push / J
+            angle += step / fine * speed
+    return read
+
+
+def hung(folder: Path, volts: float, seconds: float, phase: float = 0.0, friction: float = 0.0) -> Path:
+    """Write the project of such an arm, each voltage held for 0.4 s; return its file."""
+    step, rng = 0.004, np.random.default_rng(5)
+    drive = np.repeat(rng.uniform(-volts, volts, round(seconds / 0.4)), 100)
+    angle = swung(drive, step, phase, friction) + NOISE * rng.standard_normal(len(drive))
+    return logged(folder, PROJECT, "time_s,voltage_V,position_rad", step * np.arange(len(drive)), drive, angle)
+
+
+def test_the_pull_on_an_arm_is_certain_however_little_is_known_of_the_scale(tmp_path: Path) -> None:
+    problem = problem_of(hung(tmp_path, 0.4, 4.0))
+    term = problem.term("gravity_torque")
+    assert term is not None
+    begin = first_point(problem, problem.train)
+    start = Point(entered(begin.values, term, dict(zip(term.keys, (PULL, 0.0), strict=True))), begin.starts)
+    found, _ = refitted(problem, term, start, [NOISE])
+    size = found.point.values[term.keys[0]]
+    told = NORMAL_95 * deviations(found)[term.keys[0]]
+    assert told > 0.8 * size, "or the scale is known"
+    assert strength(found, term) > 50.0
+    interval = interval_of(term.parameters[0], size, told, NORMAL_95 * size / strength(found, term))
+    assert interval is not None and 0.0 < interval[0] < PULL < interval[1]
+
+
+def test_a_wave_of_known_period_goes_by_its_quadratures(tmp_path: Path) -> None:
+    problem = problem_of(hung(tmp_path, 0.4, 1.6))
+    term = problem.term("gravity_torque")
+    assert term is not None
+    unknowns = coordinates(problem, (term,), {})[-2:]
+    size, phase = (each.inner(value) for each, value in zip(unknowns, (0.001, 1.0), strict=True))
+    here, turn = np.array([size, phase]), unknowns[1].scale
+    little = np.array([1e-6, 1e-6])
+    assert stepped((term,), unknowns, here, little) == pytest.approx(here + little, abs=1e-10)
+    through = stepped((term,), unknowns, here, np.array([-3.0 * size, 0.0]))  # through nothing to the other side
+    assert through == pytest.approx([2.0 * size, phase + math.pi / turn])
+    aside = stepped((term,), unknowns, here, np.array([-size, 0.5 / turn]))
+    assert aside == pytest.approx([0.5 * size, phase + 0.5 * math.pi / turn])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("volts", "phase", "friction", "names"),
+    [
+        (0.25, 0.0, 0.0, {"gravity_torque"}),
+        (0.7, 0.4, 0.0, {"gravity_torque"}),
+        (0.8, 0.0, 0.003, {"gravity_torque", "coulomb_friction"}),
+    ],
+    ids=["little", "its zero elsewhere", "with friction"],
+)
+def test_an_arm_is_told_by_its_angle_alone(
+    volts: float, phase: float, friction: float, names: set[str], tmp_path: Path
+) -> None:
+    status, said = diagnosis(hung(tmp_path, volts, 10.0, phase, friction), tmp_path / "out")
+    assert status == 0 and said["verdict"] == "explained", json.dumps(said["says"])
+    found = {each["name"]: each["parameters"] for each in said["effects"]}
+    assert set(found) == names
+    low, high = found["gravity_torque"]["amplitude_N_m"]["ci95"]
+    assert 0.0 < low < PULL < high
+    assert found["gravity_torque"]["phase_rad"]["value"] == pytest.approx(phase, abs=0.01)
