@@ -20,8 +20,8 @@ import pytest
 
 from firmloop.cli import main as firmloop
 from tests.firmloop.columns import plain_file as plain
-from tests.firmloop.columns.test_dialects import DIALECTS, EXPORTS, STAMPS
-from tests.firmloop.columns.test_marks_and_objects import DOCUMENTS, MARKED, SAMPLES, SPEED
+from tests.firmloop.files.test_dialects import DIALECTS, EXPORTS, STAMPS
+from tests.firmloop.files.test_marks_and_objects import DOCUMENTS, MARKED, SAMPLES, SPEED
 from tests.identify.recordings.test_measurement_formats import COLUMNS, WRITERS, mcap_of
 from tests.identify.recordings.test_recording_files import mat73, npz, write_parquet
 
