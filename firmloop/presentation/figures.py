@@ -30,7 +30,7 @@ WIDE, FINE = 1.9, 0.9  # of the recorded and of every other curve: both are seen
 COLUMNS = 500  # a curve keeps the lowest and the highest sample of this many stretches
 SVG_DPI = 72  # of matplotlib's SVG: a unit is a point
 DOT = 1.5  # points, of a dot of a scatter
-_DOT = re.compile(r"M ([-\d.]+ [-\d.]+) *\nL \1 *\n")
+_STROKE = re.compile(r"M ([-\d.]+ [-\d.]+) *\nL \1 *\n")
 _NEEDLESS = re.compile(r"(?<=\.\d)\d+")
 FARTHEST = 1e100  # that is drawn: ticks are multiples of a span, and leave all numbers near the end of them
 STYLE: Mapping[str, Any] = {
@@ -270,7 +270,7 @@ def svg(figure: Figure, ink: str = "currentColor") -> str:
     )
     text = stream.getvalue()
     text = text[text.index("<svg") :].replace(INK, ink)
-    return re.sub(r' d="[^"]*', lambda path: _DOT.sub(r"M\1h0", _NEEDLESS.sub("", path[0])), text)
+    return re.sub(r' d="[^"]*', lambda path: _STROKE.sub(r"M\1h0", _NEEDLESS.sub("", path[0])), text)
 
 
 def _extent(figure: Figure) -> Bbox:

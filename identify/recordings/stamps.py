@@ -184,11 +184,10 @@ def _rows(count: int) -> str:
 def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, table: RawTable, k: int) -> IdentifyError:
     """Tell a counter that wraps from recordings in a row and rows out of order."""
     falls = steps[steps < 0.0]
-    usual = float(np.median(steps[steps > 0.0]))
-    found = _wrap(time, steps, usual, _count_of(given), _goes_on(table, np.flatnonzero(steps < 0.0)))
+    usual, count = float(np.median(steps[steps > 0.0])), _count_of(given)
+    found = _wrap(time, steps, usual, count, _goes_on(table, np.flatnonzero(steps < 0.0)))
     if found:
         size, says = found
-        count = _count_of(given)
         return IdentifyError(
             f"{plain}: the clock is a counter that wraps: it falls by {-float(falls[0]):.10g} s, and {size:.10g} s is "
             f"{says}. Sorting would tear the recording; keep every row and say where the counter wraps",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -82,14 +83,12 @@ def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawT
 
 def _unlike(arrays: Sequence[tuple[str, NDArray[np.generic]]]) -> dict[str, str]:
     """Say of each array that is no column of as many rows as time_s has, or else as most have, what it is instead."""
-    lengths = [len(array) for _, array in arrays if array.ndim == 1]
+    lengths = {name: len(array) for name, array in arrays if array.ndim == 1}
     if not lengths:
         return {}
-    name, rows = max(
-        ((name, len(array)) for name, array in arrays if array.ndim == 1), key=lambda x: lengths.count(x[1])
-    )
-    timed = next((len(array) for known, array in arrays if known == "time_s" and array.ndim == 1), 0)
-    name, rows = ("time_s", timed) if timed else (name, rows)
+    often = Counter(lengths.values())
+    name = "time_s" if lengths.get("time_s") else max(lengths, key=lambda each: often[lengths[each]])
+    rows = lengths[name]
     return {
         other: f"has {len(array)} rows where {name} has {rows}"
         if array.ndim == 1

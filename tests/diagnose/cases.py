@@ -118,6 +118,14 @@ def black_box_project(kind: str, drive: str, output: str, train: Sequence[str] =
     )
 
 
+def lagged(drive: NDArray[np.float64], time_constant_s: float) -> NDArray[np.float64]:
+    """Return what a lag of gain 1 makes of a drive, row by row of 10 ms."""
+    level = np.zeros(len(drive))
+    for k in range(1, len(drive)):
+        level[k] = level[k - 1] + 0.01 / time_constant_s * (drive[k - 1] - level[k - 1])
+    return level
+
+
 class Motor(NamedTuple):
     """A motor of one constant, of which a log holds voltage and speed."""
 

@@ -15,7 +15,7 @@ from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.verdict import refused
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.recordings.recording import make_recording, write_recording
-from tests.diagnose.cases import lag_project, problem_of, said_of
+from tests.diagnose.cases import lag_project, lagged, problem_of, said_of
 
 DUCT = """schema = 1
 name = "duct"
@@ -56,19 +56,11 @@ def recorded(folder: Path, text: str, **columns: np.ndarray) -> Path:
     return folder / "project.toml"
 
 
-def warmed(drive: np.ndarray, time_constant_s: float) -> np.ndarray:
-    """Return what a lag of gain 1 makes of a drive, row by row."""
-    level = np.zeros(len(drive))
-    for k in range(1, len(drive)):
-        level[k] = level[k - 1] + 0.01 / time_constant_s * (drive[k - 1] - level[k - 1])
-    return level
-
-
 @pytest.mark.parametrize(("slow", "verdict"), [(0.0, "no_mismatch"), (0.5, "unknown_physics")])
 def test_a_second_way_for_the_heat_is_said_to_be_missing(slow: float, verdict: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     drive = np.repeat(rng.uniform(0.0, 5.0, 30), 100)
-    readings = 22.0 + 2.2 * warmed(drive, 1.2) + slow * warmed(drive, 15.0) + 0.01 * rng.standard_normal(len(drive))
+    readings = 22.0 + 2.2 * lagged(drive, 1.2) + slow * lagged(drive, 15.0) + 0.01 * rng.standard_normal(len(drive))
     said = said_of(recorded(tmp_path, DUCT, heater_V=drive, temperature_C=readings))
     assert said["verdict"] == verdict
     assert any("times the sensors' noise" in line for line in said["says"]) == (verdict == "unknown_physics")
@@ -86,7 +78,7 @@ def test_what_only_whitens_far_more_than_noise_would_let_it_is_no_noise(
     drop: float, rms: float, unlike: bool, tmp_path: Path
 ) -> None:
     drive = np.repeat([1.0, 0.0, 2.0], 50)
-    problem = problem_of(recorded(tmp_path, DUCT, heater_V=drive, temperature_C=22.0 + 2.0 * warmed(drive, 1.5)))
+    problem = problem_of(recorded(tmp_path, DUCT, heater_V=drive, temperature_C=22.0 + 2.0 * lagged(drive, 1.5)))
     fitted = Fitted((), (), first_point(problem, problem.train), (), 0.0, (), np.zeros((0, 0)))
     nominal, tried = (
         Candidate(fitted, (Noise(np.zeros(0), size, size),), score) for size, score in ((1.0, 0.0), (rms, -drop))
@@ -99,7 +91,7 @@ def test_what_only_whitens_far_more_than_noise_would_let_it_is_no_noise(
 def test_steps_of_a_sensor_wider_than_noise_may_be_are_all_that_is_missing(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     drive = np.repeat(rng.uniform(0.0, 5.0, 30), 100)
-    readings = np.round((22.0 + 2.2 * warmed(drive, 1.2) + 0.01 * rng.standard_normal(len(drive))) / 2.0) * 2.0
+    readings = np.round((22.0 + 2.2 * lagged(drive, 1.2) + 0.01 * rng.standard_normal(len(drive))) / 2.0) * 2.0
     said = said_of(recorded(tmp_path, DUCT, heater_V=drive, temperature_C=readings))
     assert (said["verdict"], [each["name"] for each in said["effects"]]) == ("explained", ["sensor_quantization"])
 

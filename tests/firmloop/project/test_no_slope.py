@@ -7,34 +7,9 @@ from pathlib import Path
 import pytest
 
 from firmloop.cli import main
+from tests.firmloop.project.test_units_of_wires import TANK as LOOP
 
-TANK = """\
-schema = 1
-name = "tank"
-[plant]
-kind = "ode"
-states = ["level_m"]
-inputs = ["flow_m3_s"]
-[plant.outputs]
-level_m = "level_m"
-[plant.derivatives]
-level_m = "flow_m3_s / area_m2"
-[plant.parameters]
-area_m2 = { value = 0.0, free = false }
-[controller]
-kind = "pid"
-period_s = 0.5
-kp = 0.02
-ki = 0.0004
-[signals]
-reference = { unit = "m", low = 0, high = 2 }
-measurement = { unit = "m", low = 0, high = 2 }
-output = { unit = "m^3/s", low = -0.02, high = 0.02 }
-[arithmetic]
-number = "float32"
-[target]
-names = ["host"]
-"""
+TANK = LOOP.format(flow="flow_m3_s", unit="m^3/s").replace("value = 0.4,", "value = 0.0,")
 
 
 @pytest.mark.parametrize("zero", ["0.0", "-0.0"])

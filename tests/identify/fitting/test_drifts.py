@@ -10,18 +10,10 @@ from firmloop.identify.fitting.checks.structure import answering, features
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
-from tests.diagnose.cases import lag_project, logged
+from tests.diagnose.cases import lag_project, lagged, logged
 
 STEP = 0.01
 CASES = 60
-
-
-def lagged(drive: np.ndarray, time_constant_s: float) -> np.ndarray:
-    """Return what a lag of gain 1 makes of a drive, row by row."""
-    level = np.zeros(len(drive))
-    for k in range(1, len(drive)):
-        level[k] = level[k - 1] + STEP / time_constant_s * (drive[k - 1] - level[k - 1])
-    return level
 
 
 def test_a_drift_answers_no_input_and_a_lag_that_is_off_does(tmp_path: Path) -> None:
