@@ -10,7 +10,7 @@ import numpy as np
 from firmloop.diagnose.completion import completed
 from firmloop.diagnose.data.channels import check_sound
 from firmloop.diagnose.data.checks import Preflight, preflight
-from firmloop.diagnose.data.prepare import prepared, two_machines
+from firmloop.diagnose.data.prepare import Apart, prepared, two_machines
 from firmloop.diagnose.discrepancy.disturbance import disturbances
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape
 from firmloop.diagnose.finding import Finding
@@ -106,8 +106,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
             found = replace(found, best=found.nominal, rounds=(), gains=())
             finding, unnamed = judge(found, made.checks, None)
     written = improved_plant(found, found.best) if explained else refit
-    if apart and (not explained or two_machines(written, whole)):
-        raise IdentifyError(apart)
+    if apart is not None and not (explained and _one(found, apart)):
+        raise IdentifyError(apart.says)
     if explained:
         # What was kept as safe harms no simulation of train that begins where all its readings say.
         begins = FIRST if safe else EVERYWHERE
@@ -123,6 +123,13 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     own = differing(written, whole, refit=not explained and finding.verdict == "unknown_physics")
     finding = _measured(finding, found, shown, shape, figures, own)
     return Diagnosis(finding, found, unnamed if not explained else None, written)
+
+
+def _one(found: Search, apart: Apart) -> bool:
+    """Tell whether the best of a search makes one machine of what seemed to be two."""
+    problem = found.problem
+    names = [signal.name for signal in problem.plant.outputs]
+    return apart.made_one(problem.train, names, found.best.fitted.residuals)
 
 
 def _another_hold(hold: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,29 +101,43 @@ def check_clock(plant: Plant, recordings: Sequence[Recording]) -> None:
             )
 
 
-def two_machines(plant: Plant, train: Sequence[Recording]) -> str:
+class Apart(NamedTuple):
+    """Why recordings seem to be of two machines, and what a fit to each alone leaves a row, in squares of the spread.
+
+    A finding that leaves little more of all together takes it back: what is missing looks so, too.
+    """
+
+    says: str
+    left: float
+
+    def made_one(self, train: Sequence[Recording], outputs: Sequence[str], residuals: Sequence[Array]) -> bool:
+        """Tell whether residuals (n, r) of all recordings are about as small as those of a fit to each alone."""
+        spread = _spread([np.column_stack([each.columns[name] for name in outputs]) for each in train])
+        return float(np.mean(np.sum((np.concatenate(residuals) / spread) ** 2, axis=1))) < APART_POWER * self.left
+
+
+def two_machines(plant: Plant, train: Sequence[Recording]) -> Apart | None:
     """Say why train recordings are of two machines: each alone is met well, by other parameters than the next.
 
-    Empty where they may be of one. Where there are more than two, all of either machine must be met together: what a
-    missing effect makes of one machine's parameters differs from recording to recording. As it may with two of them,
-    a finding that is met in both takes this back.
+    None where they may be of one. Where there are more than two, all of either machine must be met together: what a
+    missing effect makes of one machine's parameters differs from recording to recording.
     """
     short = shortened(plant, train, TRIAL_ROWS)
     if len(short) < 2:
-        return ""
+        return None
     columns = [np.column_stack([each.columns[signal.name] for signal in plant.outputs]) for each in short]
-    whole = np.std(np.concatenate(columns), axis=0)
+    whole = _spread(columns)
     if any(np.any(np.std(each, axis=0) == 0.0) for each in columns):
-        return ""
+        return None
     try:
         alone = [_best_trial(plant, [each], _trial(plant, [each])) for each in short]
         together = _trial(plant, short)
     except IdentifyError:
-        return ""
+        return None
     powers = [_scaled(each, [column], whole) for each, column in zip(alone, columns, strict=True)]
     met = all(each.power < MET_POWER * len(each.slopes) for each in alone)
     if not met or together.power < APART_POWER * sum(powers):
-        return ""
+        return None
     free = {p.name for p in plant.parameters if p.free}
     first = {name: value for name, value in alone[0].values.items() if name in free}
     shifts = [_seen_shifts(other, first) for other in alone]
@@ -140,13 +155,19 @@ def two_machines(plant: Plant, train: Sequence[Recording]) -> str:
                 both += _scaled(found, parts, whole)
             if together.power < APART_POWER * both:
                 continue
-            return (
+            says = (
                 f"{short[0].source} and {short[index].source} are not of one plant: alone they are met best with "
                 f"{far} = {first[far]:.3g} and {first[far] * np.exp(moved[far]):.3g}, together "
                 f"{together.power / sum(powers):.2g} times as much is left. {_question(plant, short, both, far)}; else "
                 "diagnose one machine at a time"
             )
-    return ""
+            return Apart(says, sum(powers) / sum(map(len, columns)))
+    return None
+
+
+def _spread(columns: Sequence[Array]) -> Array:
+    """Return the spread (r,) of outputs (n, r) over several recordings."""
+    return np.asarray(np.std(np.concatenate(columns), axis=0))
 
 
 def _question(plant: Plant, train: Sequence[Recording], power: float, far: str) -> str:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 import pytest
 
+from bench.diagnose import simulated
 from bench.diagnose.truth import FINE, run
-from firmloop.diagnose.data.prepare import check_apart, check_clock, two_machines
+from firmloop.diagnose.data.prepare import Apart, check_apart, check_clock, two_machines
 from firmloop.diagnose.model.hypothesis import make_problem
 from firmloop.diagnose.run import diagnose
 from firmloop.identify.error import IdentifyError
@@ -21,6 +23,7 @@ from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.simulation.simulate import simulate
+from tests.diagnose.cases import said_of
 from tests.sizes import MOTOR, STAGE, motor, stage, use_of
 
 NOISE = {"speed_rad_s": 0.3, "current_A": 0.005, "position_m": 2e-5, "speed_m_s": 2e-3}
@@ -127,10 +130,10 @@ def test_recordings_of_two_machines_are_told(machine: str) -> None:
     )
     friction = [use_of(plant, "coulomb_friction")]
     second = recorded(with_effects(other, friction), 10.0, seed=3)
-    said = two_machines(plant, [seen_of(machine), second])
-    assert "1.csv and 3.csv are not of one plant" in said
+    apart = two_machines(plant, [seen_of(machine), second])
+    assert apart is not None and "1.csv and 3.csv are not of one plant" in apart.says
     listed = "J_kg_m2" if machine == "motor" else "mass_kg"
-    assert f'per_recording = ["{listed}"]' in said
+    assert f'per_recording = ["{listed}"]' in apart.says
     assert not two_machines(with_varying(plant, [listed]), [seen_of(machine), second])
     assert not two_machines(plant, [seen_of(machine), recorded(with_effects(plant, friction), 4.0, seed=3)])
 
@@ -141,8 +144,27 @@ def test_what_an_effect_makes_two_machines_of_is_one_beside_it() -> None:
     plant = make_plant("first_order", "voltage_V", ["speed_rad_s"], {"gain": {"value": 30.0, "free": True}, **lag})
     true = with_effects(plant, [EffectUse("input_saturation", None, {"limit_V": 4.0})])
     seen = [recorded(true, size, seed, to_and_fro=True) for seed, size in ((1, 3.0), (3, 10.0))]
-    assert "are not of one plant" in two_machines(plant, seen)
+    apart = two_machines(plant, seen)
+    assert apart is not None and "are not of one plant" in apart.says
     assert [each.name for each in diagnose(plant, seen, [], lambda *_: None).finding.effects] == ["input_saturation"]
+
+
+@pytest.mark.slow
+def test_a_clock_that_looks_like_another_inertia_is_named(tmp_path: Path) -> None:
+    """A part of a recording, by which two machines are told, has lost what its clock was late before."""
+    simulated.write(1330002, "single", 0, tmp_path)
+    assert [each["name"] for each in said_of(tmp_path / "project.toml")["effects"]] == ["clock_skew"]
+
+
+def test_a_finding_makes_one_machine_of_two_where_it_leaves_about_as_little_of_both() -> None:
+    seen = [recorded(BARE["motor"], 10.0, seed) for seed in (1, 2)]
+    names = [signal.name for signal in BARE["motor"].outputs]
+    spread = np.std(np.concatenate([np.column_stack([each.columns[name] for name in names]) for each in seen]), axis=0)
+    left = [np.tile(0.01 * spread, (len(each.time), 1)) for each in seen]
+    apart = Apart("", 2e-4)  # both outputs, each a hundredth of its spread
+    assert apart.made_one(seen, names, left)
+    assert apart.made_one(seen, names, [2.0 * left[0], 2.0 * left[1]])
+    assert not apart.made_one(seen, names, [left[0], 4.0 * left[1]])
 
 
 @pytest.mark.slow
