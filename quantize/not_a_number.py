@@ -74,7 +74,7 @@ def spelled_out(program: Program) -> Program:
     states = {value.name: value for value in program.state}
     following = tuple(
         a
-        if a.target in program.tunable
+        if a.source == f"self.{a.target}"
         else Assign(a.target, choose(f"next.{a.target}", states[a.target], f"self.{a.target}", a.source))
         for a in program.next_state
     )

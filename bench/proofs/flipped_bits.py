@@ -85,8 +85,7 @@ def random_words(program: Program, steps: int, seed: int) -> tuple[Program, Bloc
     step, random, kind = opened(replace(program, safe=())), np.random.default_rng(seed), np.dtype(program.arithmetic)
     rounds, own = settled(program), len(program.outputs)
     count = max(1, steps // rounds)
-    state = [_odd(random, kind, count, value) for value in program.state[: mortal(program)]]
-    state += [np.full(count, start, kind) for start in program.start[mortal(program) :]]
+    state = [_odd(random, kind, count, value) for value in program.state]
     samples = []
     for _ in range(rounds):
         fresh = [random.uniform(v.low, v.high, count).astype(kind) for v in program.inputs]
@@ -112,14 +111,9 @@ def _odd(random: np.random.Generator, kind: np.dtype[Any], count: int, value: Va
     return np.select([pick == k for k in range(3)], drawn, usual)
 
 
-def mortal(program: Program) -> int:
-    """Return how many state variables a step writes: what is tunable stays until its setter is called."""
-    return len(program.state) - len(program.tunable)
-
-
 def settled(program: Program) -> int:
     """Return the samples within which a state is of numbers again, where huge ones may first overflow."""
-    return 2 * mortal(program) + 4
+    return 2 * len(program.state) + 4
 
 
 def drawn_states(program: Program, steps: int, seed: int) -> tuple[Program, Block, Trace]:
@@ -201,7 +195,7 @@ def away(program: Program, trace: Trace) -> int:
     if program.arithmetic.startswith("fixed"):
         return int(np.count_nonzero(out | _outside(state, program.state)))
     out |= (trace.status >> program.status[-1].bit & 1) != 0  # no input is lost
-    out[-1] |= ~np.all(np.isfinite(state[-1, :, : mortal(program)]), axis=-1)
+    out[-1] |= ~np.all(np.isfinite(state[-1]), axis=-1)
     return int(np.count_nonzero(out))
 
 

@@ -1,7 +1,8 @@
-"""Make a fixed-point program defined from every state: cut a state word to its range as it is read, if harm could come.
+"""Make a program defined from every state: cut a state word to its range as it is read, if harm could come.
 
 A state word may hold anything: init() was not called, a bit has flipped, the state was restored from a flash of another
-build. No operation may overflow then, and one step later all is in its range again.
+build. In fixed point no operation may overflow then, and one step later all is in its range again. In floating point
+nothing overflows, and a state that is lost starts afresh; only what nobody computes anew, a parameter, is limited.
 
 A state that was limited as it is stored is limited as it is read instead: the same operation at the same cost, and what
 is computed from the state is the same. Of any other state, the range is all that a number of some bits can hold, so the
@@ -33,6 +34,11 @@ def from_any_state(program: Program) -> Program:
         harmed = free_state(program, [v.name for v in program.state]).harmed
         harmful = [name for name in _fed_by(program, harmed) if name not in cut]
     return _read_first(program, {f"self.{name}" for name in cut})
+
+
+def with_limited_parameters(program: Program) -> Program:
+    """Return a floating-point `program` that limits its parameters as it reads them; one that is no number is low."""
+    return _cut(program, {f"self.{v.name}": _as_limited(v) for v in program.parameters})
 
 
 def _read_first(program: Program, cut: set[str]) -> Program:
@@ -122,9 +128,8 @@ def _as_held(value: Value) -> Op:
 
 
 def _as_limited(value: Value) -> Op:
-    return Op(
-        replace(value, name=f"{value.name}_held"), "clamp", (f"self.{value.name}", int(value.low), int(value.high))
-    )
+    ends = (value.low, value.high) if value.number.kind == "float" else (int(value.low), int(value.high))
+    return Op(replace(value, name=f"{value.name}_held"), "clamp", (f"self.{value.name}", *ends))
 
 
 def _free_name(wish: str, taken: set[str]) -> str:

@@ -17,7 +17,7 @@ from firmloop.quantize.lower.first_sample import in_one_branch
 from firmloop.quantize.lower.fixed import FixedBuilder
 from firmloop.quantize.lower.floating import FloatBuilder
 from firmloop.quantize.lower.graph import FLOATING_ONLY, Node, needed, with_own_constants
-from firmloop.quantize.lower.held_state import from_any_state
+from firmloop.quantize.lower.held_state import from_any_state, with_limited_parameters
 from firmloop.quantize.lower.limits import with_limits
 from firmloop.quantize.lower.opening import Opened, opened
 from firmloop.quantize.lower.products import better_wide
@@ -72,7 +72,8 @@ def _bare(law: Law, arithmetic: str, rounds: str) -> Program:
         found = replace(found, graph=in_one_branch(with_limits(found.graph)))
         order, states = len(found.graph.nodes), len(found.law.state)
         none = Formats((0,) * order, (0,) * len(law.inputs), (0,) * states)
-        return _Lowering(found, {}, arithmetic, none, FloatBuilder(int(arithmetic[5:]))).program()
+        program = _Lowering(found, {}, arithmetic, none, FloatBuilder(int(arithmetic[5:]))).program()
+        return with_limited_parameters(program)
     for node in found.graph.nodes:
         if not math.isfinite(node.value):
             raise QuantizeError(

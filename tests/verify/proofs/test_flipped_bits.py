@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bench.codegen.example_laws import laws
-from bench.proofs.flipped_bits import Flipped, mortal, on_core, on_host, programs, settled
+from bench.proofs.flipped_bits import Flipped, on_core, on_host, programs, settled
 from firmloop.design.kinds import kinds
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Op, Program
@@ -83,11 +83,11 @@ def test_a_state_that_is_no_number_in_floats_leaves_the_outputs_in_range_and_is_
     inputs = [random.uniform(v.low, v.high, count).astype(kind) for v in program.inputs]
     lost = np.array([np.nan, np.inf, -np.inf], kind)
     state = [np.full(count, start, kind) for start in program.start]
-    for j in range(mortal(program)):
+    for j in range(len(program.state)):
         state[j] = np.where(random.random(count) < 0.5, lost[random.integers(0, 3, count)], state[j])
     machine = Machine(program)
     with np.errstate(all="ignore"):
-        for _ in range(mortal(program) + 1):
+        for _ in range(len(program.state) + 1):
             values = machine.step(inputs, state)
             for slot, output in zip(machine.results, program.outputs, strict=True):
                 assert np.all((values[slot] >= output.low) & (values[slot] <= output.high))
