@@ -18,6 +18,7 @@ from firmloop.identify.recordings.text.cells import bare, double_quoted, grouped
 from firmloop.identify.recordings.text.chatter import listed_lines, without_chatter
 from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, cells_of, find_dialect, first_name, parting_mark
 from firmloop.identify.recordings.text.exports import read_export
+from firmloop.identify.recordings.text.frames import without_frames
 from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
 from firmloop.identify.recordings.text.log_prefix import without_log_prefix
 from firmloop.identify.recordings.text.teleplot import read_teleplot
@@ -27,6 +28,7 @@ from firmloop.identify.recordings.text.words import without_words
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
 _MARKED = re.compile(r"[-+]?\d{1,3}(?:[.,]\d{3})+[.,]\d*")  # 1,127,67
 _THOUSAND = re.compile(rf"(?<![\d.]){grouped(',')}(?!\d)")
+_HEXADECIMAL = re.compile(r"(?:0[xX])?[0-9a-fA-F]+")
 _SAMPLE = 200  # rows that say what a column holds
 _STARTING = 60  # lines of noise that a board may send before it speaks
 _MINUS = "\u2212"  # of typesetters
@@ -76,6 +78,8 @@ def _read_columns(text: str, encoding: tuple[str, ...]) -> RawTable | Misread:
     plain = _parsed(names, rows, numbers[1:], PLAIN) if rows else None
     if isinstance(plain, RawTable) and not all(map(is_number, names)):
         return replace(plain, notes=(*encoding, *plain.notes))
+    text, framed = without_frames(text)
+    encoding += framed
     whole = [line.rstrip("\r") for line in text.split("\n")]
     found = read_teleplot(whole) or read_export(whole) or _in_dialect(whole)
     if isinstance(found, RawTable):
@@ -228,7 +232,7 @@ def _culprit(
             if not is_number(cell.strip().strip('"')):
                 shown = bare(cells_of(written[number - 1], dialect)[k]) if written else cell.strip()
                 wrong = f"is {shown[:40]!r}, not a number" if cell.strip() else "is empty"
-                remedy = _remedy(name, names.index(name), rows, dialect)
+                remedy = _remedy(name, k, rows, dialect)
                 if _MARKED.fullmatch(shown):
                     wrong += ": only one of its marks can be the decimal one"
                     remedy = "save the file without marks for thousands; keep the rows"
@@ -254,6 +258,8 @@ def _remedy(name: str, place: int, rows: list[str], dialect: Dialect) -> str:
     """Name the cure that keeps the rows: one cell is a slip, most of a column is another kind of column."""
     cells = [(*row.split(dialect.delimiter), *[""] * len(rows[0]))[place] for row in rows[:_SAMPLE]]
     wrong = sum(not is_number(cell.strip().strip('"')) for cell in cells)
+    if wrong > 2 and all(_HEXADECIMAL.fullmatch(cell.strip()) for cell in cells):
+        return f"{name} looks hexadecimal: write its numbers in decimal; keep the rows"
     if 2 * wrong < len(cells) or len(cells) < 2:
         return "write a number with '.' or delete the row"
     return f"so are {wrong} of {len(cells)} rows: write numbers there, or leave {name} out of the file; keep the rows"

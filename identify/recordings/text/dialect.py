@@ -143,7 +143,7 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
         if len(nearest) * 2 == width and table.delimiter == ",":
             wrong = "has twice as many numbers in a row as names: decimal commas between commas"
             return Misread(f"line {table.first + 1}", wrong, "export it with ; or tabs between columns")
-        return _otherwise_parted(lines[above[0]], above[0] + 1, table, width)
+        return _otherwise_parted(lines[above[0]], above[0] + 1, table, width) or _unnamed(lines, above[0], table, width)
     below, *higher = headers
     units: tuple[str, ...] = ()
     if higher and _all_units(headers[below]) and higher[0] == above[above.index(below) + 1]:
@@ -168,7 +168,7 @@ def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
 
 def _otherwise_parted(line: str, number: int, table: Dialect, width: int) -> Misread | None:
     """Say that the header has another mark between its names than the rows have between their values, if it has."""
-    others = (replace(table, delimiter=mark) for mark in _PARTING if mark != table.delimiter)
+    others = (replace(table, delimiter=mark) for mark in _MARKS if mark != table.delimiter)
     header = next((each for each in others if len(cells_of(line, each)) == width and _names(line, each, width)), None)
     if header is None:
         return None
@@ -177,6 +177,14 @@ def _otherwise_parted(line: str, number: int, table: Dialect, width: int) -> Mis
     )
     names = table.delimiter.join(_names(line, header, width))
     return Misread(f"line {number}", wrong, f"write the same between names: {names[:200]}; keep the rows")
+
+
+def _unnamed(lines: list[str], above: int, table: Dialect, width: int) -> Misread | None:
+    """Say that there is no header where the line above the rows has nothing that parts columns."""
+    if len(cells_of(lines[above], table)) > 1:
+        return None
+    wrong = f"has no header: line {above + 1}, above its rows, names no columns: {lines[above].strip()[:40]!r}"
+    return Misread("", wrong, _header_to_write(lines, table, width))
 
 
 def _told(lines: list[str], table: Dialect, header: int, units: tuple[str, ...]) -> list[str]:

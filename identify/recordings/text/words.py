@@ -6,7 +6,7 @@ import re
 
 from firmloop.identify.recordings.text.cells import is_number
 
-_MARKS = ("\t", ";", "|", ",")
+_MARKS = ("\t", ";", "|", ",", " ")
 _FEWEST = 3  # rows that make a table
 _FEWEST_NUMBERS = 2  # in a row: a time and one signal
 _SHOWN = 20  # letters of a word
@@ -22,7 +22,7 @@ def without_words(lines: list[str]) -> tuple[list[str], dict[int, str], str]:
     """
     last = next((line for line in reversed(lines) if line.strip()), "")
     for mark in _MARKS:
-        cells = last.split(mark)
+        cells = _cells(last, mark)
         end = max((k + 1 for k, cell in enumerate(cells) if cell.strip()), default=0)
         end = max(end, _last_empty(lines, mark, len(cells), end)) if end >= _FEWEST_NUMBERS else end
         words = tuple(k for k, cell in enumerate(cells[:end]) if _is_word(cell))
@@ -33,7 +33,7 @@ def without_words(lines: list[str]) -> tuple[list[str], dict[int, str], str]:
             continue
         rows, filled = {}, 0
         for k, line in enumerate(lines):
-            row = line.split(mark)
+            row = _cells(line, mark)
             if len(row) != len(cells) or not all(_is_number(row[j]) for j in numbers):
                 continue
             filled += any(_is_number(row[j]) for j in words)
@@ -54,10 +54,14 @@ def without_words(lines: list[str]) -> tuple[list[str], dict[int, str], str]:
 
 def _last_empty(lines: list[str], mark: str, width: int, end: int) -> int:
     """Return up to which column a header names columns behind the `end` that are empty in every row; 0 where none."""
-    rows = [cells[end:] for line in lines if len(cells := line.split(mark)) == width]
+    rows = [cells[end:] for line in lines if len(cells := _cells(line, mark)) == width]
     if len(rows) < 2 or any(_bare(cell) for row in rows[1:] for cell in row):
         return 0
     return end + max((k + 1 for k, cell in enumerate(rows[0]) if _bare(cell) and not _is_number(cell)), default=0)
+
+
+def _cells(line: str, mark: str) -> list[str]:
+    return line.split() if mark == " " else line.split(mark)
 
 
 def _bare(cell: str) -> str:

@@ -60,3 +60,51 @@ def test_a_sum_that_checks_each_line_is_no_column(name: str, bench: Callable[...
     alike(columns)
     assert "a column without numbers, left aside" in said
     assert len(columns) == len(PLAIN.split("\n")[0].split(","))
+
+
+FRAMED = {
+    "a list": ("[{}]", ", "),
+    "a list of numpy": ("[{}]", "  "),
+    "a tuple": ("({})", ", "),
+    "markers of a serial line": ("<{}>", ","),
+    "a beginning": ("${};", ";"),
+    "a sum at the end": ("${}*5A", ","),
+}
+
+
+@pytest.mark.parametrize("case", FRAMED)
+@pytest.mark.parametrize("header", [True, False], ids=["header, too", "rows alone"])
+def test_marks_around_each_row_are_left_aside(case: str, header: bool, bench: Callable[..., tuple]) -> None:
+    frame, mark = FRAMED[case]
+    name = (frame if header else "{}").format(HEADER.replace(",", mark))
+    status, columns, said = bench("\n".join([name, *(frame.format(row.replace(",", mark)) for row in ROWS)]))
+    assert status == 0, said
+    alike(columns)
+    assert "around its rows, left aside" in said
+
+
+@pytest.mark.parametrize("place", [0, 1, -1])
+def test_words_between_blanks_are_a_column_left_aside(place: int, bench: Callable[..., tuple]) -> None:
+    def line(text: str, word: str) -> str:
+        cells = text.split(",")
+        cells.insert(len(cells) if place < 0 else place, word)
+        return " ".join(cells)
+
+    status, columns, said = bench("\n".join([line(HEADER, "state"), *(line(row, "RUN") for row in ROWS)]))
+    assert status == 0, said
+    alike(columns)
+    assert "a column without numbers, left aside: 'RUN' (state)" in said
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        (["Booting v1.2", *ROWS], "no header: line 1, above its rows, names no columns: 'Booting v1.2'; write one"),
+        ([HEADER.replace(",", " "), *ROWS], "line 1: is the header and has spaces between its names, where rows have"),
+        ([HEADER, *(f"{row.rpartition(',')[0]},{300 + k:x}" for k, row in enumerate(ROWS))], "looks hexadecimal"),
+    ],
+)
+def test_no_row_is_blamed_for_what_is_wrong_in_all(lines: list[str], words: str, bench: Callable[..., tuple]) -> None:
+    status, _, said = bench("\n".join(lines))
+    assert status == 2 and words in said, said
+    assert "delete" not in said
