@@ -42,6 +42,24 @@ def hdf5_groups(content: bytes, needed_for: str) -> tuple[Group, ...] | Misread:
 
 def _groups(group: Any, place: str, seen: set[Any]) -> Iterator[tuple[str, list[tuple[str, Any]]]]:
     """Yield the vectors of a group and of those in it, each once: links may lead in circles, and many ways to one."""
+    items = entries(group)
+    own = [(name, item) for name, item in items if hasattr(item, "dtype") and _is_number(item)]
+    if own:
+        yield place, own
+    for name, item in items:
+        if hasattr(item, "items") and item.id not in seen and len(place) < _DEEPEST:
+            seen.add(item.id)
+            yield from _groups(item, f"{place}/{name}".strip("/"), seen)
+
+
+def entries(group: Any) -> list[tuple[str, Any]]:
+    """Return what a group holds by name, without what MATLAB keeps for itself.
+
+    Raises
+    ------
+    ValueError
+        when it is too much, or something of it is not in this file.
+    """
     if len(group) > MOST_COLUMNS:
         raise ValueError(f"a group of it holds {len(group):,} entries; at most {MOST_COLUMNS:,} are read")
     elsewhere = [str(name) for name in group if hasattr(group.get(name, getlink=True), "filename")]
@@ -51,13 +69,7 @@ def _groups(group: Any, place: str, seen: set[Any]) -> Iterator[tuple[str, list[
     elsewhere += [name for name, item in items if item is None or _reaches_out(item)]
     if elsewhere:
         raise ValueError(f"{elsewhere[0]} of it stands in another file, or nowhere")
-    own = [(name, item) for name, item in items if hasattr(item, "dtype") and _is_number(item)]
-    if own:
-        yield place, own
-    for name, item in items:
-        if hasattr(item, "items") and item.id not in seen and len(place) < _DEEPEST:
-            seen.add(item.id)
-            yield from _groups(item, f"{place}/{name}".strip("/"), seen)
+    return items
 
 
 def _reaches_out(item: Any) -> bool:

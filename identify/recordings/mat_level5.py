@@ -19,8 +19,14 @@ _ORDERS = {b"IM": "<", b"MI": ">"}
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _COMPLEX = 0x0800
-_STRUCTURE, _OBJECTS = 2, (3, 17)  # classes of variables; the latter are tables, timetables, timeseries, strings
-_DEEPEST = 8  # structures in structures
+_STRUCTURE, _TEXT, _OBJECTS = (
+    2,
+    4,
+    (3, 17),
+)  # classes of variables; the last are tables, timetables, timeseries, strings
+DEEPEST = 8  # structures in structures
+MOST_STRUCTURES = 2000  # in one array of them
+_TEXTS = {2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}  # how letters are stored
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,19 +38,29 @@ class _Element:
 
 @dataclass(frozen=True, slots=True)
 class Unread:
-    """A variable that is not read, in words: an object that only MATLAB opens, or an array of structures."""
+    """A variable that is not read, in words."""
 
     says: str
 
 
-OBJECT, STRUCTURES = Unread("an object that only MATLAB can open"), Unread("an array of structures")
+OBJECT, COMPLEX = Unread("an object that only MATLAB can open"), Unread("complex numbers")
 
 
 @dataclass(frozen=True, slots=True)
 class MatVariables:
-    """What a file holds by name: arrays, structures as mappings of the same, and what is not read."""
+    """What a file holds by name: arrays, structures as mappings of the same, arrays of these as tuples, and objects.
+
+    Structures hold their texts and what is complex, too; of the file's own variables the latter are named.
+    """
 
     values: Mapping[str, object]
+    complex_names: tuple[str, ...] = ()
+
+    @classmethod
+    def among(cls, found: Mapping[str, object]) -> MatVariables:
+        """Leave texts aside, and name what is complex."""
+        values = {name: each for name, each in found.items() if each is not COMPLEX and not isinstance(each, str)}
+        return cls(values, tuple(name for name, each in found.items() if each is COMPLEX))
 
 
 def mat_variables(content: bytes) -> MatVariables:
@@ -63,11 +79,11 @@ def mat_variables(content: bytes) -> MatVariables:
     while at < len(content):
         element = _element(content, at, order)
         if element.kind == _MATRIX:
-            found = _variable(element.body, order, _DEEPEST)
+            found = _variable(element.body, order, DEEPEST)
             if found is not None:
                 values[found[0]] = found[1]
         at = element.end
-    return MatVariables(values)
+    return MatVariables.among(values)
 
 
 def _element(content: bytes, at: int, order: str) -> _Element:
@@ -86,7 +102,7 @@ def _element(content: bytes, at: int, order: str) -> _Element:
 
 
 def _variable(body: bytes, order: str, depth: int) -> tuple[str, object] | None:
-    """Read one variable; None for text, cells, sparse and complex arrays, and arrays of structures."""
+    """Read one variable; None for cells and sparse arrays."""
     if not body:
         return None  # an empty field
     kind, flags = _flags(body, order)
@@ -94,8 +110,12 @@ def _variable(body: bytes, order: str, depth: int) -> tuple[str, object] | None:
         return _structure(body, order, depth)
     if kind in _OBJECTS:
         return _name(_parts(body, order, 2)[1]), OBJECT  # an opaque one has no sizes
-    if kind not in _CLASSES or flags & _COMPLEX:
+    if kind == _TEXT:
+        return _text(_parts(body, order, 4))
+    if kind not in _CLASSES:
         return None
+    if flags & _COMPLEX:
+        return _name(_parts(body, order, 3)[2]), COMPLEX
     parts = _parts(body, order, 4)  # flags, sizes, name, values
     if len(parts) < 4:
         raise ValueError("a variable has no values")
@@ -116,18 +136,24 @@ def _structure(body: bytes, order: str, depth: int) -> tuple[str, object] | None
         raise ValueError("a structure has no fields")
     if depth == 0:
         return None
-    if math.prod(_sizes(parts[1], order)) != 1:
-        return _name(parts[2]), STRUCTURES
+    count = math.prod(_sizes(parts[1], order))
     length = max(int(np.frombuffer(parts[3].body, order + "i4")[0]), 1)
     names = [parts[4].body[k : k + length].partition(b"\0")[0] for k in range(0, len(parts[4].body), length)]
-    if len(names) != len(parts) - 5:
-        raise ValueError(f"a structure of {len(names)} fields holds {len(parts) - 5}")
-    fields: dict[str, object] = {}
-    for name, part in zip(names, parts[5:], strict=True):
-        found = _variable(part.body, order, depth - 1) if part.kind == _MATRIX else None
-        if found is not None:
-            fields[name.decode("utf-8", "replace")] = found[1]
-    return _name(parts[2]), fields
+    if len(names) * count != len(parts) - 5 or not 0 <= count <= MOST_STRUCTURES:
+        raise ValueError(f"{count:,} structures of {len(names)} fields hold {len(parts) - 5}")
+    found: list[dict[str, object]] = [{} for _ in range(count)]
+    for k, part in enumerate(parts[5:]):
+        field = _variable(part.body, order, depth - 1) if part.kind == _MATRIX else None
+        if field is not None:
+            found[k // len(names)][names[k % len(names)].decode("utf-8", "replace")] = field[1]
+    return _name(parts[2]), found[0] if count == 1 else tuple(found)
+
+
+def _text(parts: list[_Element]) -> tuple[str, object] | None:
+    """Read text: flags, sizes, name, letters."""
+    if len(parts) < 4 or parts[3].kind not in _TEXTS:
+        return None
+    return _name(parts[2]), parts[3].body.decode(_TEXTS[parts[3].kind], "replace")
 
 
 def _flags(body: bytes, order: str) -> tuple[int, int]:

@@ -29,6 +29,19 @@ def begun(*paths: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
     return status, "".join(capsys.readouterr())
 
 
+def scopes(*signals: dict[str, object]) -> Array:
+    """Return an array of structures, as a scope of Simulink with several inputs saves them."""
+    found = np.zeros((1, len(signals)), dtype=[(name, object) for name in signals[0]])
+    for k, signal in enumerate(signals):
+        for name, value in signal.items():
+            found[0, k][name] = value
+    return found
+
+
+def signal(values: Array, label: str) -> dict[str, object]:
+    return {"values": values[:, None], "dimensions": 1.0, "label": label}
+
+
 def with_time(values: Array) -> dict[str, object]:
     return {"time": TIME, "signals": {"values": values, "label": "x"}, "blockName": "bench/To Workspace"}
 
@@ -38,6 +51,12 @@ def with_time(values: Array) -> dict[str, object]:
     [
         ({"voltage_V": with_time(VOLTS), "speed_rad_s": with_time(SPEED)}, "voltage_V", "speed_rad_s"),
         ({"log": with_time(np.column_stack([VOLTS, SPEED]))}, "log_1", "log_2"),
+        (
+            {"log": {"time": TIME, "signals": scopes(signal(VOLTS, "voltage_V"), signal(SPEED, "speed_rad_s"))}},
+            "voltage_V",
+            "speed_rad_s",
+        ),
+        ({"log": {"time": TIME, "signals": scopes(signal(VOLTS, ""), signal(SPEED, ""))}}, "log_1", "log_2"),
         (
             {"voltage_V": {"Time": TIME, "Data": VOLTS}, "speed_rad_s": {"Time": TIME, "Data": SPEED}},
             "voltage_V",
@@ -59,6 +78,10 @@ def test_structures_with_time_are_read(
         (
             {"data": np.column_stack([TIME, VOLTS, SPEED])},
             "holds data, a matrix of 400 x 3, whose columns have no name",
+        ),
+        (
+            {"time_s": TIME, "voltage_V": VOLTS + 0j, "speed_rad_s": SPEED + 0j},
+            "holds complex numbers: voltage_V, speed_rad_s; save what is measured, as in voltage_V = real(voltage_V)",
         ),
         ({"U": np.column_stack([TIME, VOLTS]), "Y": np.column_stack([TIME, SPEED])}, "holds U, a matrix of 400 x 2"),
         ({"runs": np.array([(TIME, VOLTS)] * 2, dtype=[("t", "O"), ("u", "O")])}, "holds an array of structures"),
