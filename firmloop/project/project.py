@@ -17,6 +17,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion, is_unit
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import carried_unit
+from firmloop.project.plant_part import PlantPart, read_plant_part
 from firmloop.project.recordings_part import Recordings, read_recordings_part
 from firmloop.project.table import ProjectError, ProjectTable, read_table
 from firmloop.quantize.lower.words import ROUNDINGS
@@ -38,17 +39,6 @@ EXAMPLES = {
     "target": '[target] with names = ["host"]',
 }
 FURTHER = ("tuning", "datasheet", "standard_tests", "experiment", "model")  # tables that only one verb reads
-
-
-@dataclass(frozen=True, slots=True)
-class PlantPart:
-    """What `[plant]` says; `firmloop.identify.plants.kinds.make_plant` turns it into a Plant."""
-
-    table: ProjectTable
-    kind: str
-    input: str
-    outputs: tuple[str, ...]
-    parameters: Mapping[str, Mapping[str, object] | float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +136,7 @@ def read_project(path: Path) -> Project:
         document=document,
         name=name,
         recordings=read_recordings_part(document.table("recordings")) if "recordings" in document.values else None,
-        plant=_plant(document.table("plant")) if "plant" in document.values else None,
+        plant=read_plant_part(document.table("plant")) if "plant" in document.values else None,
         controller=_controller(document.table("controller")) if "controller" in document.values else None,
         signals=_signals(document.table("signals")),
         arithmetic=_arithmetic(document.table("arithmetic")) if "arithmetic" in document.values else None,
@@ -248,51 +238,6 @@ def check_same_units(project: Project, meets: Sequence[tuple[Signal, Signal]], o
             raise table.wrong(
                 signal.name, f"is in {signal.unit!r} but the plant's {wire.name} is in {unit!r}{hint}; {cure}"
             )
-
-
-def _plant(table: ProjectTable) -> PlantPart:
-    effects = table.values.get("effects", [])
-    if not isinstance(effects, list) or not all(isinstance(entry, dict) for entry in effects):
-        raise table.wrong("effects", "must be tables: [[plant.effects]]")
-    if table.values.get("kind") == "ode":
-        return _ode(table)
-    table.only(("kind", "input", "inputs", "outputs", "parameters", "effects", "force_per_unit", "torque_per_unit"))
-    several = table.texts("inputs", 'inputs = ["voltage_d_V", "voltage_q_V"]')
-    if several and "input" in table.values:
-        raise table.wrong("inputs", "stands beside input; give one of them")
-    drive = several[0] if several else table.text("input", 'input = "voltage_V"')
-    outputs = table.texts("outputs", 'outputs = ["speed_rad_s"]')
-    if not outputs:
-        raise table.missing("outputs", 'outputs = ["speed_rad_s"]')
-    parameters = _parameters(table)
-    return PlantPart(table, table.text("kind", 'kind = "dc_motor"'), drive, outputs, parameters)
-
-
-def _ode(table: ProjectTable) -> PlantPart:
-    """Check the outline of a plant given as text; `firmloop.identify.plants.ode` reads the expressions."""
-    table.only(("kind", "states", "inputs", "outputs", "derivatives", "balances", "parameters", "effects"))
-    inputs = table.texts("inputs", 'inputs = ["force_N"]')
-    if "inputs" not in table.values:
-        raise table.missing("inputs", 'inputs = ["force_N"]')
-    if not inputs:
-        raise table.wrong(
-            "inputs",
-            "must name one; for a plant that moves by itself give the recordings a column of zeros, such as force_N, "
-            'and write inputs = ["force_N"]',
-        )
-    outputs = tuple(table.table("outputs").values)
-    if not outputs:
-        raise table.missing("outputs", '[plant.outputs] with position_m = "x_m"')
-    return PlantPart(table, "ode", inputs[0], outputs, _parameters(table))
-
-
-def _parameters(table: ProjectTable) -> Mapping[str, Mapping[str, object] | float]:
-    parameters: dict[str, Mapping[str, object] | float] = {}
-    for name, entry in table.table("parameters").values.items():
-        if not isinstance(entry, dict | int | float):
-            raise table.table("parameters").wrong(name, "must be a table, such as { value = 8.0, free = true }")
-        parameters[name] = entry
-    return parameters
 
 
 def _controller(table: ProjectTable) -> ControllerPart:
