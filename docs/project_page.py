@@ -131,7 +131,7 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
     "[model]": {
         "structure": '`"arx"`, `"oe"` (default) or `"n4sid"`',
         "order": "1 to 12 (default 2)",
-        "delay_samples": "whole samples of delay (default 0)",
+        "delay_samples": "whole samples of delay (default: searched)",
     },
     "[experiment]": {
         "signal": "one of the names below",

@@ -7,8 +7,9 @@ ratio.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import scipy
@@ -16,9 +17,12 @@ import scipy
 from firmloop.identify.bench_tests.blackbox import Record, fit_oe, miss, prefiltered
 
 MOST = 200  # samples of delay that are tried
+EARLY = 40  # samples by which an output may lead its input
 COARSE = 8  # samples between the delays that are tried first
 SHARE = 10  # of the rows at most are delay
 CERTAIN = float(scipy.special.chdtri(1, 0.001))  # least gain of a delay in twice the logarithm of the likelihood
+_STEPS = (1, 2, 4)  # samples from one delay to those that are compared with it
+_EXACT = 1e-9  # of a mean square error: less is rounding
 _PAST = (0, 1, 2, 4, 8, 16, 32)  # samples
 WRONG = 1.5  # times the mean square error by which means that are left in spoil a fit
 
@@ -30,9 +34,10 @@ def least_miss(records: Sequence[Record], order: int, late: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class DelaysAlike:
-    """From `least` to `most` samples of delay, of which noise lets none be told from the best."""
+    """From `least` to `most` samples of delay, of which noise lets none be told from the `best`."""
 
     least: int
+    best: int
     most: int
 
 
@@ -48,23 +53,59 @@ def best_delays(records: Sequence[Record], order: int) -> DelaysAlike:
     coarse = [{late: least_miss(each, order, late) for late in range(0, last + 1, COARSE)} for each in ways]
     tried, way = min(zip(coarse, ways, strict=True), key=lambda each: min(each[0].values()))
     left = [tried[late] if late in tried else least_miss(way, order, late) for late in range(last + 1)]
-    least = min(left)
+
+    @cache
+    def exact(late: int) -> float:
+        """Return what the best model leaves: in much noise the iteration stays far from it."""
+        return min(left[late], miss(fit_oe(way, order, late), way)) if left[late] > 0.0 else 0.0
+
+    best = _descended(exact, left.index(min(left)), last)
+    least = exact(best)
     if least == 0.0:
-        return DelaysAlike(left.index(0.0), left.index(0.0))
+        return DelaysAlike(best, best, best)
 
     def alike(late: int) -> bool:
         if not 0 <= late <= last:
             return False
-        if rows * math.log(left[late] / least) < CERTAIN:
-            return True  # else the iteration may not have reached the best model
-        return rows * math.log(miss(fit_oe(way, order, late), way) / least) < CERTAIN
+        return any(rows * math.log(each(late) / least) < CERTAIN for each in (left.__getitem__, exact))
 
-    found = most = next(late for late, one in enumerate(left) if rows * math.log(one / least) < CERTAIN)
+    found = most = next(
+        late for late in range(last + 1) if rows * math.log(left[late] / least) < CERTAIN or late == best
+    )
     while alike(found - 1):
         found -= 1
     while alike(most + 1):
         most += 1
-    return DelaysAlike(found, most)
+    return DelaysAlike(found, best, most)
+
+
+def _descended(left: Callable[[int], float], best: int, last: int) -> int:
+    """Return the delay from which none nearby, from 0 to `last`, leaves less."""
+    steps = [sign * size for size in _STEPS for sign in (-1, 1)]
+    while better := [best + step for step in steps if 0 <= best + step <= last and left(best + step) < left(best)]:
+        best = min(better, key=left)
+    return best
+
+
+def samples_early(records: Sequence[Record], order: int) -> int:
+    """Return by how many samples the output answers before its input acts; 0 where a model without delay does as well.
+
+    It is the least shift of the output that leaves no more than the best, as far as noise can tell.
+    """
+    rows = sum(len(one.output) for one in records)
+    own = min(least_miss(records, order, 0), miss(fit_oe(records, order, 0), records))
+    last = min(EARLY, min(len(one.output) for one in records) // SHARE)
+    shifted = ([_shifted(one, late) for one in records] for late in range(1, last + 1))
+    left = [max(least_miss(each, order, 0), own * _EXACT) for each in shifted]
+    least = min(left, default=own)
+    if own <= WRONG * least or rows * math.log(own / least) < CERTAIN:
+        return 0
+    return next(late for late, one in enumerate(left, 1) if rows * math.log(one / least) < CERTAIN)
+
+
+def _shifted(record: Record, late: int) -> Record:
+    """Return the record with its output `late` samples later."""
+    return Record(record.source, record.drive[late:], record.output[: len(record.output) - late])
 
 
 def without_means(records: Sequence[Record]) -> list[Record]:

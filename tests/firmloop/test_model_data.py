@@ -87,7 +87,7 @@ def test_a_delay_that_is_found_is_told_with_those_that_fit_alike(
 ) -> None:
     slow = np.repeat(np.random.default_rng(11).choice([-1.0, 1.0], 30), 50)
     found(left(tmp_path, slow, 13, 0.1, (0.0, 0.0), ""))
-    assert "11 samples of delay found by search (11 to 15 fit alike); model.delay_samples" in capsys.readouterr().out
+    assert "13 samples of delay found by search (11 to 15 fit alike); model.delay_samples" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("noise", [0.01, pytest.param(0.05, marks=pytest.mark.slow), 0.2])
@@ -201,3 +201,45 @@ def test_a_plant_that_integrates_from_elsewhere_is_refused_with_a_line_that_work
 def test_what_follows_the_input_still_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found(left(tmp_path, steps(), 0, 0.01, (0.0, 0.0), "order = 1\n"))
     assert "still follows the input" in capsys.readouterr().out
+
+
+def test_a_delay_is_found_in_noise_as_large_as_the_signal(tmp_path: Path) -> None:
+    document = found(left(tmp_path, steps(3000), 9, 1.0, (0.0, 0.0), ""))
+    least, most = document["delays_alike_s"]
+    assert 3 * PERIOD < least <= 9 * PERIOD <= most < 14 * PERIOD
+    assert abs(document["delay_s"] - 9 * PERIOD) < 4 * PERIOD
+    assert document["gain"] == pytest.approx(1.0, abs=0.12)
+
+
+@pytest.mark.parametrize("rows", [1, 12])
+def test_an_output_that_leads_its_input_is_told_with_the_rows(
+    rows: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = steps(3000)
+    output = scipy.signal.lfilter(ABOVE, BELOW, np.concatenate([drive[rows:], np.zeros(rows)]))
+    output += 0.001 * np.random.default_rng(7).standard_normal(len(drive))
+    table = np.column_stack([PERIOD * np.arange(len(drive)), drive, output])
+    (tmp_path / "project.toml").write_text(PROJECT)
+    np.savetxt(tmp_path / "log.csv", table, "%.9g", ",", header="time_s,drive_V,position_rad", comments="")
+    found(tmp_path / "project.toml")
+    said = capsys.readouterr().out
+    count = "1 row" if rows == 1 else f"{rows} rows"
+    assert f"position_rad answers {count} before drive_V changes" in said
+    assert "follows the input" not in said
+
+
+def test_a_line_over_time_is_told_with_its_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    project = left(tmp_path, steps(), 0, 0.01, (0.0, 0.0), "")
+    rows = [line.split(",") for line in (tmp_path / "log.csv").read_text().splitlines()[1:]]
+    drifted = [f"{t},{u},{float(y) + 0.02 * float(t)}" for t, u, y in rows]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *drifted]))
+    text = project.read_text() + '[recordings.conditioning]\nremove_offset = ["drive_V", "position_rad"]\n'
+    project.write_text(text)
+    found(project)
+    said = capsys.readouterr().out
+    drift = float(said.partition("drifts by ")[2].partition(" ")[0])
+    assert drift == pytest.approx(0.02 * 30.0, rel=0.05)
+    assert 'detrend = ["position_rad"]' in said
+    project.write_text(text + 'detrend = ["position_rad"]\n')
+    found(project)
+    assert "drifts" not in capsys.readouterr().out

@@ -11,7 +11,6 @@ import scipy
 
 from firmloop.identify.bench_tests.blackbox import (
     EVEN,
-    PULLED,
     STRUCTURES,
     Continuous,
     Record,
@@ -19,18 +18,13 @@ from firmloop.identify.bench_tests.blackbox import (
     check_answer,
     check_records,
     continuous,
-    fit_oe,
     integrating,
-    least_squares_arx,
-    miss,
     redrawn,
-    residuals,
     unstable,
 )
 from firmloop.identify.bench_tests.delay_search import (
     DelaysAlike,
     best_delays,
-    least_miss,
     rest_of_an_integrator,
     spoiled_by_means,
 )
@@ -44,6 +38,15 @@ from firmloop.identify.recordings.recording import Recording, column
 from firmloop.identify.simulation.simulate import constants_of, simulate
 from firmloop.project.project import Project, require
 from firmloop.project.table import ProjectTable
+from firmloop.stages.bench.model_notes import (
+    WHITE,
+    about_lead,
+    about_line,
+    about_noise,
+    about_rest,
+    found_delay,
+    given_delay,
+)
 from firmloop.stages.data import conditioning_of, read_data
 from firmloop.stages.plant import located
 from firmloop.stages.progress import Stage
@@ -52,8 +55,6 @@ from firmloop.stages.saturation import cut_input, refuse_saturated
 MOST_ORDER = 12
 DRAWS = 40  # of the model with its own residuals, for intervals
 _NO_POLE = 1e-9  # of the fastest pole: rounding of one at 0
-FOLLOWS = 1e-3  # least probability of residuals as independent of the input as these
-WHITE = 0.01  # least probability of residuals as white as these: else drawing them anew is no repetition
 
 
 def _whole(part: ProjectTable, key: str, default: int, low: int, high: int) -> int:
@@ -212,6 +213,7 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         when a key is wrong, or the recordings do not hold such a model.
     """
     require(project, "plant", "recordings")
+    assert project.plant is not None
     asked = project.document.table("model")
     asked.only(("structure", "order", "delay_samples"))
     structure = asked.text("structure", 'structure = "oe"') if "structure" in asked.values else "oe"
@@ -227,7 +229,7 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
             records = [_record(project, recording) for recording in data.train]
             check_records(records, order, told)
             found = best_delays(records, order)
-            late = found.least if searched else told
+            late = found.best if searched else told
             _check_means(project, records, order, late)
             sampled = integrating(STRUCTURES[structure](records, order, late), records)
             if unstable(sampled):  # what a plant that integrates begins with is no offset, but spoils the equations
@@ -244,10 +246,14 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         with stage("drawing the residuals anew"):
             spread = _spread(structure, records, sampled, period, judged["train"])
     cut = cut_input(project, data.train)
+    drive, output = project.plant.input, project.plant.outputs[0]
+    early = about_lead(records, order, drive, output) if found.least == 0 else ""
     about = (
-        _found_delay(found) if searched else _given_delay(records, order, late, found),
-        _about_noise(structure, records, order, late),
-        *(_about_rest(one, structure) for one in judged["train"]),
+        found_delay(found) if searched else given_delay(records, order, late, found),
+        about_noise(structure, records, order, late),
+        *(about_rest(one, structure) for one in judged["train"] if not early),
+        *(about_line(records, sampled, output) if output not in conditioning_of(project).detrend else ()),
+        early,
     )
     notes = (*data.notes, *filter(None, about))
     return BlackBox(structure, period, sampled, made, found, plant, judged, spread, cut, notes)
@@ -272,57 +278,3 @@ def _check_means(project: Project, records: Sequence[Record], order: int, late: 
         f"{means[1]:.3g}), where a linear model from 0 does not hold; take the means off with "
         f'[recordings.conditioning] remove_offset = ["{drive}", "{output}"]'
     )
-
-
-def _about_noise(structure: str, records: Sequence[Record], order: int, late: int) -> str:
-    """Say where noise that does not pass the plant's poles, as a sensor's does not, pulls an ARX model away."""
-    if structure != "arx":
-        return ""
-    if miss(least_squares_arx(records, order, late), records) < PULLED * least_miss(records, order, late):
-        return ""
-    return (
-        "the noise is the sensor's, which pulls gain and poles of an arx model away, so that simulated past outputs "
-        "stand in for the measured ones; structure = 'oe' is made for such noise"
-    )
-
-
-def _about_rest(judged: Mapping[str, object], structure: str) -> str:
-    """Say where what a model leaves of a recording follows the input still."""
-    independence = judged["independence"]
-    if not isinstance(independence, float) or independence >= FOLLOWS:
-        return ""
-    other = "" if structure == "oe" else " or take structure = 'oe'"
-    return (
-        f"what the model leaves of {judged['recording']} still follows the input (probability {independence:.1g} by "
-        f"chance), so that its gain and poles are off: raise model.order{other}, or fit a plant with physics"
-    )
-
-
-def _samples(found: DelaysAlike, where: str = "") -> str:
-    """Tell the least delay, where it was found, and up to which one others do as well."""
-    alike = f" ({found.least} to {found.most} fit alike)" if found.most > found.least else ""
-    return f"{found.least} sample{'' if found.least == 1 else 's'} of delay{where}{alike}"
-
-
-def _found_delay(found: DelaysAlike) -> str:
-    """Say where a delay comes from that nobody gave."""
-    return f"{_samples(found, ' found by search')}; model.delay_samples sets another" if found.most else ""
-
-
-def _given_delay(records: Sequence[Record], order: int, told: int, found: DelaysAlike) -> str:
-    """Say that the recordings ask for another delay than the given one, where that does worse by any measure.
-
-    What it leaves may be white, though another leaves a little less.
-    """
-    if found.least <= told <= found.most:
-        return ""
-    own, other = (_whiteness(fit_oe(records, order, late), records) for late in (told, found.least))
-    if own >= max(WHITE, other):
-        return ""
-    return f"model.delay_samples is {told}; the recordings ask for {_samples(found)}"
-
-
-def _whiteness(model: SampledModel, records: Sequence[Record]) -> float:
-    """Return the least probability with which what a simulation leaves of a recording would be white."""
-    tests = [residual_tests(left, one.drive) for one, left in zip(records, residuals(model, records), strict=True)]
-    return min(one.whiteness for one in tests)

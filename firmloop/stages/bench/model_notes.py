@@ -1,0 +1,106 @@
+"""Say what is to be known of a model that data alone gave: its delay, its noise, and what it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from firmloop.identify.bench_tests.blackbox import (
+    PULLED,
+    Record,
+    SampledModel,
+    fit_oe,
+    least_squares_arx,
+    miss,
+    residuals,
+)
+from firmloop.identify.bench_tests.delay_search import DelaysAlike, least_miss, samples_early
+from firmloop.identify.fitting.residual_tests import residual_tests
+
+FOLLOWS = 1e-3  # least probability of residuals as independent of the input as these
+WHITE = 0.01  # least probability of residuals as white as these: else drawing them anew is no repetition
+LINE = 0.5  # of the variance of what a model leaves: a line that explains more is a drift
+
+
+def about_noise(structure: str, records: Sequence[Record], order: int, late: int) -> str:
+    """Say where noise that does not pass the plant's poles, as a sensor's does not, pulls an ARX model away."""
+    if structure != "arx":
+        return ""
+    if miss(least_squares_arx(records, order, late), records) < PULLED * least_miss(records, order, late):
+        return ""
+    return (
+        "the noise is the sensor's, which pulls gain and poles of an arx model away, so that simulated past outputs "
+        "stand in for the measured ones; structure = 'oe' is made for such noise"
+    )
+
+
+def about_line(records: Sequence[Record], model: SampledModel, output: str) -> list[str]:
+    """Say of which recording a straight line over time explains most of what the model leaves."""
+    found = []
+    for one, left in zip(records, residuals(model, records), strict=True):
+        place = np.linspace(-1.0, 1.0, len(left))
+        line = np.polynomial.Polynomial.fit(place, left, 1, [-1.0, 1.0])
+        slope = float(line.coef[1])
+        if np.var(left - line(place)) < (1.0 - LINE) * np.var(left) and 2.0 * abs(slope) < np.ptp(one.output):
+            found.append(
+                f"what the model leaves of {one.source} drifts by {2.0 * slope:.3g} from its first row to its last: "
+                f"let the plant warm up first, or, if only the zero of the sensor wanders, write "
+                f'[recordings.conditioning] detrend = ["{output}"]'
+            )
+    return found
+
+
+def about_lead(records: Sequence[Record], order: int, drive: str, output: str) -> str:
+    """Say by how many rows the output answers before the input acts, if it does."""
+    rows = samples_early(records, order)
+    if not rows:
+        return ""
+    count = "1 row" if rows == 1 else f"{rows} rows"
+    return (
+        f"{output} answers {count} before {drive} changes, which no plant does: a row's input acts from that row on, "
+        f"and its output is read before; shift the column {output} down by {count}, or {drive} up, if they were logged "
+        "by two clocks, filtered to and fro, or read after the input had acted"
+    )
+
+
+def about_rest(judged: Mapping[str, object], structure: str) -> str:
+    """Say where what a model leaves of a recording follows the input still."""
+    independence = judged["independence"]
+    if not isinstance(independence, float) or independence >= FOLLOWS:
+        return ""
+    other = "" if structure == "oe" else " or take structure = 'oe'"
+    return (
+        f"what the model leaves of {judged['recording']} still follows the input (probability {independence:.1g} by "
+        f"chance), so that its gain and poles are off: raise model.order{other}, or fit a plant with physics"
+    )
+
+
+def _samples(found: DelaysAlike, where: str = "") -> str:
+    """Tell the least delay, where it was found, and up to which one others do as well."""
+    alike = f" ({found.least} to {found.most} fit alike)" if found.most > found.least else ""
+    return f"{found.best} sample{'' if found.best == 1 else 's'} of delay{where}{alike}"
+
+
+def found_delay(found: DelaysAlike) -> str:
+    """Say where a delay comes from that nobody gave."""
+    return f"{_samples(found, ' found by search')}; model.delay_samples sets another" if found.most else ""
+
+
+def given_delay(records: Sequence[Record], order: int, told: int, found: DelaysAlike) -> str:
+    """Say that the recordings ask for another delay than the given one, where that does worse by any measure.
+
+    What it leaves may be white, though another leaves a little less.
+    """
+    if found.least <= told <= found.most:
+        return ""
+    own, other = (_whiteness(fit_oe(records, order, late), records) for late in (told, found.best))
+    if own >= max(WHITE, other):
+        return ""
+    return f"model.delay_samples is {told}; the recordings ask for {_samples(found)}"
+
+
+def _whiteness(model: SampledModel, records: Sequence[Record]) -> float:
+    """Return the least probability with which what a simulation leaves of a recording would be white."""
+    tests = [residual_tests(left, one.drive) for one, left in zip(records, residuals(model, records), strict=True)]
+    return min(one.whiteness for one in tests)
