@@ -18,16 +18,22 @@ UNLIKE = 0.05  # of the range, by which wraps differ
 _EDGE = 0.25  # of the range: a wrap begins and ends this near to its ends
 _BACK = 0.08  # of the range: rows beside a wrap go against it, but for noise
 _CALM = 0.2  # of the range: a reading that usually moves more from row to row cannot be unrolled
+TURN = 0.02  # of a turn, by which a range may be off it
 _FEWEST = 2  # jumps in all recordings
-_TURN = 0.02  # of a turn, by which a range may be off it
 
 
-def wraps_at_a_turn(recordings: Sequence[Recording], name: str) -> bool:
-    """Tell whether an angle, rad, wraps wherever it has made a turn; of recordings without it False."""
+def wrap_of(recordings: Sequence[Recording], name: str) -> float | None:
+    """Return by how much a reading falls where it wraps; of recordings without it, or that do not wrap, None."""
     seen = [each for each in recordings if name in each.columns]
     parts = [part for each in seen for part in np.split(each.columns[name], breaks(each.time))]
     wrap = wrapping(parts) if parts else None
-    return wrap is not None and abs(wrap[0] / math.tau - 1.0) < _TURN
+    return wrap[0] if wrap is not None else None
+
+
+def wraps_at_a_turn(recordings: Sequence[Recording], name: str) -> bool:
+    """Tell whether an angle, rad, wraps wherever it has made a turn."""
+    size = wrap_of(recordings, name)
+    return size is not None and abs(size / math.tau - 1.0) < TURN
 
 
 def wrapping(columns: Sequence[Array]) -> tuple[float, float, float] | None:

@@ -40,3 +40,27 @@ def test_where_rows_are_missing_it_may_have_gone_anywhere() -> None:
 @pytest.mark.parametrize("angle", [ANGLE, 3.0 * np.sign(ANGLE), np.round(ANGLE), 0.0 * TIME])
 def test_an_angle_that_goes_on_or_leaps_otherwise_is_met_with_silence(angle: np.ndarray) -> None:
     assert said(angle) == ()
+
+
+COUNTS = np.round(ANGLE / (2.0 * np.pi) * 1000.0)
+
+
+@pytest.mark.parametrize(
+    ("reading", "line"),
+    [
+        (np.degrees(ANGLE) % 360.0, 'unit = "deg", wraps = 360 }'),
+        ((ANGLE / (2.0 * np.pi)) % 1.0, 'unit = "rev", wraps = 1 }'),
+        (COUNTS % 1000, "scale = 0.006283185307, wraps = 1000 }"),
+        (COUNTS % 256, "scale = 0.02454369261, wraps = 256 }"),
+        ((COUNTS + 512) % 1024 - 512, "scale = 0.006135923152, wraps = 1024 }"),
+    ],
+)
+def test_an_angle_that_wraps_at_no_turn_in_rad_is_said_in_its_unit(reading: np.ndarray, line: str) -> None:
+    (sentence,) = said(reading)
+    assert f'position_rad = {{ name = "position_rad", {line}' in sentence
+    assert "at no turn in rad" in sentence
+
+
+def test_a_reading_that_wraps_elsewhere_is_told_by_how_much() -> None:
+    (sentence,) = said(ANGLE % 2.5)
+    assert "leaps by 2.49817 from" in sentence and "counts" not in sentence
