@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 _ALONE = -0.8  # correlation of one recording beside others that follow
 _AGAINST = -0.5  # correlation with the plant as given, which may be off by a factor of two in every parameter
 _FOLLOWS = 0.8  # correlation with its magnitude
+_OF_A_SIZE = 0.6  # correlation of a magnitude with the plant driven by one: it lags where the drive turns around
+_BETTER = 0.3  # by which that is more than of the reading itself
 _SIGNLESS = 0.03  # of the largest reading: noise of one that has no sign
 
 
@@ -25,6 +27,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     for recording, run in zip(evidence.recordings, runs, strict=True):
         for pairs, pair in zip(seen, compared(evidence, recording, run), strict=True):
             pairs.append(pair)
+    if one_way := _driven_one_way(evidence, seen):
+        return (one_way,)
     drive, sources = " or ".join(each.name for each in evidence.given.inputs), sources_of(evidence.recordings)
     found = []
     for signal, pairs in zip(evidence.given.outputs, seen, strict=True):
@@ -50,6 +54,25 @@ def look(evidence: Evidence) -> tuple[str, ...]:
                 "turn the sign of that column in the file, or leave the file out"
             )
     return tuple(found)
+
+
+def _driven_one_way(evidence: Evidence, seen: list[list[tuple[Array, Array]]]) -> str:
+    """Say that a drive is never negative, though an output goes both ways and its size follows; blank else."""
+    drives = [each.name for each in evidence.given.inputs]
+    values = np.concatenate([recording.columns[name] for recording in evidence.recordings for name in drives[:1]])
+    if len(drives) > 1 or np.min(values) < -_SIGNLESS * np.max(values):
+        return ""
+    for signal, pairs in zip(evidence.given.outputs, seen, strict=True):
+        real, model = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+        both = min(-np.min(real), np.max(real)) > _SIGNLESS * np.max(np.abs(real))
+        size = alike(np.abs(real), np.abs(model))[0]
+        if both and size > _OF_A_SIZE and size - alike(real, model)[0] > _BETTER:
+            return (
+                f"{drives[0]} of {sources_of(evidence.recordings)} is never negative, though {signal.name} goes both "
+                "ways and its size follows: a drive or a duty recorded without its direction; record the direction, "
+                f"too, and give {drives[0]} its sign"
+            )
+    return ""
 
 
 def _has_no_sign(real: Array, model: Array) -> bool:
