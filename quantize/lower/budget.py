@@ -27,6 +27,7 @@ LONGEST = 50_000  # work of a budget at most
 ENDLESS = 3  # times the work of the longest search in float64: a search beyond it is taken for one that does not end
 CHECKS = 6  # times that, where answers are checked
 AT_ONCE = 64  # searches between two looks whether the others are needed
+ALTOGETHER = 10_000_000  # work of all drawn searches: a sound servo takes a third; where most go round, fewer do
 NUMBERS = 2**26  # drawn parameters times rows times rows, at most: fewer are drawn for a large problem
 
 
@@ -49,10 +50,10 @@ def budget_of(law: Law, problem: Quadratic, arithmetic: str) -> tuple[int, bool]
         work = max(work, found.work[right].max(initial=0))
     else:
         return _spared(work), False
-    work = 0
+    work = taken = 0
     for _, found, right in _searches(problem, arithmetic, ENDLESS * CHECKS * most, True, rounded, best):
-        work = max(work, found.work[right].max(initial=0))
-        if _spared(work) == LONGEST:
+        work, taken = max(work, found.work[right].max(initial=0)), taken + int(found.work.sum())
+        if _spared(work) == LONGEST or taken > ALTOGETHER:
             break
     return _spared(work), True
 

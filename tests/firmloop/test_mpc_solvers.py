@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import firmloop.quantize.lower.budget as budget
 from firmloop.cli import main
+from firmloop.quantize.twins.qp import Rows, solve
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "servo_mpc" / "servo_mpc.toml"
 PROJECT = """\
 schema = 1
 name = "servo"
@@ -87,3 +91,23 @@ def test_a_table_of_regions_is_read_in_few_instructions(tmp_path: Path) -> None:
     verdict = json.loads((out / "verdict.json").read_text())
     assert (verdict["verdict"], verdict["differences"]) == ("agrees", 0)
     assert verdict["cost"]["instructions_max"] < 400
+
+
+def test_searches_that_go_round_in_a_range_beyond_floats_are_drawn_until_their_work_is_spent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A reference of up to 1e9 rad beside an angle of 4: nearly every search in float32 ran to its end, 2000 times."""
+    spent: list[int] = []
+
+    def counted(rows: Rows, parameters: np.ndarray) -> object:
+        found = solve(rows, parameters)
+        spent.append(int(found.work.sum()))
+        return found
+
+    monkeypatch.setattr(budget, "solve", counted)
+    monkeypatch.setattr(budget, "ALTOGETHER", 1_000_000)
+    text = EXAMPLE.read_text().replace("low = -3.2, high = 3.2", "low = -3.2, high = 1e9", 1)
+    (tmp_path / "servo.toml").write_text(text)
+    assert main(["generate", str(tmp_path / "servo.toml"), "--out", str(tmp_path / "out")]) == 0
+    *before, last = spent
+    assert 500_000 < sum(before) < 1_500_000 and last > 0
