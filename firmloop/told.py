@@ -31,6 +31,8 @@ def tell_noun(console: Console, noun: object) -> None:
             tell_code(console, noun.generated)
             if noun.unstable:
                 console.lines([words.UNSTABLE_LOOP])
+            if noun.not_judged:
+                console.lines([f"{words.NOT_JUDGED}{noun.not_judged}"])
         case Tracking():
             console.lines(words.about_tracking(noun))
             console.result("tracking", noun.as_dict())

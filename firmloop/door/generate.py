@@ -36,6 +36,8 @@ class Code:
         program, bundle, manifest, proof and package
     unstable
         whether the loop around the plant is unstable, where no `design` has told it before
+    not_judged
+        why that cannot be told, as where the plant has no slope at rest; blank where it can
     """
 
     project: Project
@@ -43,6 +45,7 @@ class Code:
     design: Design
     generated: Generated
     unstable: bool = False
+    not_judged: str = ""
 
     @property
     def program(self) -> Program:
@@ -91,5 +94,5 @@ def generate_for(verb: str, source: Project | Identified | Designed, stage: Stag
         design = making.design(project, plant)
     with stage("generating C"):
         made = making.generate(project, design, command_of(verb, project.path))
-        untold = not isinstance(source, Designed)
-        return Code(project, plant, design, made, untold and runs_away(project, design, plant))
+        loop = (False, "") if isinstance(source, Designed) else runs_away(project, design, plant)
+        return Code(project, plant, design, made, *loop)

@@ -32,6 +32,7 @@ UNSTABLE_LOOP = (
     "  note: the loop of this controller around [plant] is UNSTABLE; `firmloop design` tells its margins: correct the "
     "gains or the plant before it drives anything"
 )
+NOT_JUDGED = "  note: whether the loop of this controller around [plant] is stable cannot be told: "
 MARGINS = (
     ("gain margin", "gain_margin_db", "dB"),
     ("phase margin", "phase_margin_deg", "deg"),

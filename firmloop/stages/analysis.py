@@ -87,15 +87,18 @@ def _closed(designed: Design, plant: Plant, linear: Linear) -> Loop:
     return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond)
 
 
-def runs_away(project: Project, designed: Design, plant: Plant | None) -> bool:
-    """Tell whether the loop around the plant is surely unstable; not where `analyze` has nothing to close."""
+def runs_away(project: Project, designed: Design, plant: Plant | None) -> tuple[bool, str]:
+    """Tell whether the loop around the plant is surely unstable, and why that cannot be told; blank where it can.
+
+    Not where `analyze` has nothing to close.
+    """
     if plant is None or not _has_a_loop(designed):
-        return False
+        return False, ""
     try:
         with located(project):
-            return not settles(designed.law, linearize(plant))
-    except (DesignError, IdentifyError, ProjectError):
-        return False
+            return not settles(designed.law, linearize(plant)), ""
+    except (DesignError, IdentifyError, ProjectError) as error:
+        return False, str(error)
 
 
 def _has_a_loop(designed: Design) -> bool:

@@ -23,6 +23,14 @@ def test_a_division_by_a_parameter_that_is_0_names_it(
     assert f"{said}; correct area_m2, which is 0" in capsys.readouterr().err
 
 
-def test_gains_that_are_given_are_generated_whatever_the_plant(tmp_path: Path) -> None:
+def test_gains_that_are_given_are_generated_whatever_the_plant_and_the_loop_is_said_not_to_be_judged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "p.toml").write_text(TANK)
     assert main(["generate", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "note: whether the loop of this controller around [plant] is stable cannot be told: " in said
+    assert "the derivative of level_m has no finite slope" in said and "correct area_m2, which is 0" in said
+    (tmp_path / "p.toml").write_text(TANK.replace("value = 0.0,", "value = 0.4,"))
+    assert main(["generate", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert "cannot be told" not in capsys.readouterr().out
