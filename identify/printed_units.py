@@ -59,6 +59,7 @@ _PREFIXED: dict[str, _Row] = {
 _PLAIN: dict[str, _Row] = {
     "min": (60.0, (0, 0, 1, 0, 0), 0, -1),
     "h": (3600.0, (0, 0, 1, 0, 0), 0, -1),
+    "day": (86400.0, (0, 0, 1, 0, 0), 0, -1),
     "deg": (math.pi / 180, (0, 0, 0, 0, 0), 1, 0),
     "dps": (math.pi / 180, (0, 0, -1, 0, 0), 1, 0),
     "degC": (1.0, (0, 0, 0, 0, 1), 0, 0),
@@ -70,6 +71,13 @@ _PLAIN: dict[str, _Row] = {
     "lbf": (POUND * GRAVITY, (1, 1, -2, 0, 0), 0, 0),
     "ozf": (POUND / 16 * GRAVITY, (1, 1, -2, 0, 0), 0, 0),
     "slug": (POUND * GRAVITY / FOOT, (1, 0, 0, 0, 0), 0, 0),
+    "mph": (5280 * FOOT / 3600, (0, 1, -1, 0, 0), 0, 0),
+    "kph": (1 / 3.6, (0, 1, -1, 0, 0), 0, 0),
+    "lpm": (1e-3 / 60, (0, 3, -1, 0, 0), 0, 0),
+    "gpm": (231 * INCH**3 / 60, (0, 3, -1, 0, 0), 0, 0),
+    "cfm": (FOOT**3 / 60, (0, 3, -1, 0, 0), 0, 0),
+    "atm": (101325.0, (1, -1, -2, 0, 0), 0, 0),
+    "mmHg": (133.322387415, (1, -1, -2, 0, 0), 0, 0),
     "psi": (POUND * GRAVITY / INCH**2, (1, -1, -2, 0, 0), 0, 0),
     "in": (INCH, (0, 1, 0, 0, 0), 0, 0),
     "ft": (FOOT, (0, 1, 0, 0, 0), 0, 0),
@@ -81,8 +89,9 @@ _ALSO = {  # other spellings; those of words are compared without regard to capi
     **dict.fromkeys(("volt", "volts", "vdc"), "V"),
     **dict.fromkeys(("amp", "amps", "ampere", "amperes", "adc"), "A"),
     **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
-    **dict.fromkeys(("minute", "minutes"), "min"),
-    **dict.fromkeys(("hour", "hours"), "h"),
+    **dict.fromkeys(("minute", "minutes", "mins"), "min"),
+    **dict.fromkeys(("hour", "hours", "hr", "hrs"), "h"),
+    **dict.fromkeys(("days",), "day"),
     **dict.fromkeys(("hertz",), "Hz"),
     **dict.fromkeys(("watt", "watts"), "W"),
     **dict.fromkeys(("newton", "newtons"), "N"),
@@ -242,6 +251,7 @@ def _spelled(text: str) -> str:
             plain = plain.replace(sign, ours)
         plain = unicodedata.normalize("NFKC", plain)
     plain = re.sub(r"(?i)\br\.p\.m\.?", "rpm", plain).replace(" per ", "/")
+    plain = re.sub(r"(?<![^\W\d_])k\s?min\s*\^?\(?-1\)?", "krpm", plain)  # a thousand a minute, no kilominute
     plain = re.sub(r"(?<![^\W\d_])(k?)(?:r|U|t)(?=/(?:min|s))", r"\1rev", plain)
     plain = re.sub(
         r"(?:(?<![\w.])[xX]\s*|\*\s*|(?<![\w.]))10(?:\^\(?(?=\d)|\^?\(?(?=[-+]))([-+]?\d+)\)?", r"*1e\1 ", plain
@@ -381,4 +391,5 @@ def _stranger(unit: str) -> str:
     return next((word for word in words if not list(_word(word, 1.0, _MOST_SYMBOLS))), unit)
 
 
-_CAPITALS = {name.lower(): name for name in "min Hz rpm rps rad rev deg hp lb oz lbf ozf in ft slug psi bar".split()}
+_SHOUTED = "min Hz rpm rps rad rev deg hp lb oz lbf ozf in ft slug psi bar mph kph lpm gpm cfm atm"
+_CAPITALS = {name.lower(): name for name in _SHOUTED.split()}

@@ -24,7 +24,7 @@ PRINTED: dict[str, dict[float, str]] = {
         1e-3: "mV*s/rad; mVs; mV·s; mV/(rad/s); mVs/rad; mV s rad^-1; V/krad/s",
         1 / RPM: "V/rpm; V/RPM; V*min; V/min^-1; V/min⁻¹; V/min-1; V/(1/min); V/(r/min); V/(rev/min); V/(U/min)",
         1e-3 / RPM: "mV/rpm; mV*min; mV·min; mV min; mVmin; mV/min^-1; "
-        "mV/min⁻¹; mV/min-1; mV/(1/min); V/krpm; V/kRPM; V/Krpm; "
+        "mV/min⁻¹; mV/min-1; mV/(1/min); V/krpm; V/kRPM; V/Krpm; V/kmin^-1; V/kmin⁻¹; V/k min-1; "
         "V/1000 rpm; V/1000rpm; V/1000 min⁻¹; V/1000 min^-1; V/(1000 rpm); V/(1000/min); mV/r/min; mV per rpm",
         1 / (2 * PI): "V/Hz; V/(rev/s); V/(r/s)",
         180 / PI: "V/(deg/s); V/(°/s)",
@@ -104,11 +104,20 @@ PRINTED: dict[str, dict[float, str]] = {
     },
     "H": {1.0: "H; Henry; V·s/A; Ω·s", 1e-3: "mH; mHenry; mVs/A", 1e-6: "uH; \u00b5H; \u03bcH; \u00b5Henry"},
     "F": {1e-6: "uF; \u00b5F; \u03bcF", 1e-9: "nF", 1e-12: "pF"},
-    "s": {1.0: "s; sec; seconds", 1e-3: "ms; msec; mSec", 1e-6: "us; \u00b5s; \u03bcs", 60.0: "min", 3600.0: "h"},
+    "s": {
+        1.0: "s; sec; seconds",
+        1e-3: "ms; msec; mSec",
+        1e-6: "us; \u00b5s; \u03bcs",
+        60.0: "min; mins",
+        3600.0: "h; hrs",
+        86400.0: "day",
+    },
     "W": {1.0: "W; watts; V·A; VA; Nm/s; J/s", 745.6998715822702: "hp; HP", 735.49875: "PS", 1e3: "kW"},
     "N": {1.0: "N", LBF: "lbf; lb; lbs", OZF: "ozf; oz", 9.80665: "kgf; kp; kg"},
     "K/W": {1.0: "K/W; °C/W; degC/W; C/W; K W⁻¹; ℃/W", 5 / 9: "°F/W"},
-    "m^3/s": {1.0: "m^3/s; m³/s", 1e-3 / 60: "l/min; liter/min", 1 / 3600: "m³/h; m3/h"},
+    "m^3/s": {1.0: "m^3/s; m³/s", 1e-3 / 60: "l/min; liter/min; LPM", 1 / 3600: "m³/h; m3/h"},
+    "m/s": {0.44704: "mph", 1 / 3.6: "km/h; kph"},
+    "Pa": {133.322387415: "mmHg", 101325.0: "atm", 1e5: "bar"},
     "1": {0.01: "%; percent", 1.0: "1"},
     "Hz": {1.0: "Hz; 1/s; s⁻¹; rev/s", 1e3: "kHz; KHz", 1 / 60: "rpm; 1/min"},
     "m/s^2": {9.80665: "g", 1.0: "m/s²; m/s^2; m s⁻²"},
