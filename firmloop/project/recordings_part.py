@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.printed_units import conversion
-from firmloop.identify.recordings.columns import Column, RowClock, unit_left_out
+from firmloop.identify.printed_units import conversion, is_unit
+from firmloop.identify.recordings.columns import Column, RowClock, as_a_share, unit_left_out
 from firmloop.identify.recordings.hold import HOLDS
 from firmloop.identify.units import unit_of
 from firmloop.project.table import ProjectTable
@@ -70,7 +70,7 @@ def _plain(table: ProjectTable, key: str) -> Column:
     line = unit_left_out(key, name)
     if line:
         wanted = unit_of(name)
-        raise table.wrong(key, f"the name carries a unit that is not {wanted}; write which unit it is in: {line}")
+        raise table.wrong(key, f"the name carries a unit that is not {wanted}; {line}")
     return Column(name)
 
 
@@ -78,7 +78,7 @@ def _column(table: ProjectTable) -> Column:
     table.only(("name", "unit", "scale", "offset", "wraps"))
     name = table.text("name", 'name = "speed_rad_s"')
     unit = table.text("unit", 'unit = "rpm"') if "unit" in table.values else ""
-    wanted = unit_of(name)
+    wanted, key = unit_of(name), table.place[-1]
     if unit and not wanted:
         raise table.wrong(
             "unit", f"cannot be converted, for {name} ends in no unit; end it in one, such as speed_rad_s"
@@ -87,12 +87,12 @@ def _column(table: ProjectTable) -> Column:
         try:
             conversion(unit, wanted, f"{name}, unit")
         except IdentifyError as error:
-            raise table.wrong("unit", str(error)) from None
-    key = table.place[-1]
+            other = as_a_share(key, name, unit) if is_unit(unit) else ""
+            raise table.wrong("unit", f"is of another kind than {wanted}: {other}" if other else str(error)) from None
     scaled = "scale" in table.values or "offset" in table.values
     line = "" if unit or scaled else unit_left_out(key, name)
     if line:
-        raise table.remark("name", f"{key} carries a unit that is not {wanted}; write which unit it is in: {line}")
+        raise table.remark("name", f"{key} carries a unit that is not {wanted}; {line}")
     numbers = {
         number: table.number(number, f"{number} = 1.0")
         for number in ("scale", "offset", "wraps")

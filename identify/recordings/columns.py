@@ -22,6 +22,7 @@ _TIMES = re.compile(
     r"([\s_(\[].*)?"
 )
 
+_EXAMPLE = 24.0  # of what a share is a share of: the supply of many a drive, V
 _FARTHEST = 1.5  # times what a counter wraps at: half of that beyond it a jump is still told from a step
 
 
@@ -61,7 +62,7 @@ def called_a_time(name: str) -> bool:
 
 
 def unit_left_out(foreign: str, name: str) -> str:
-    """Return the line to write where `foreign` carries a unit that renaming it to `name` would lose, else nothing."""
+    """Return what to write where `foreign` carries a unit that renaming it to `name` would lose, else nothing."""
     wanted = unit_of(name)
     carried = likely_unit(foreign, wanted)
     last = re.split(r"[\W_]+", foreign)[-1]
@@ -69,7 +70,20 @@ def unit_left_out(foreign: str, name: str) -> str:
         carried = last
     if not carried or not wanted or _agree(carried, wanted):
         return ""
-    return rename_line(foreign, name, carried)
+    line = rename_line(foreign, name, carried)
+    return as_a_share(foreign, name, carried) or f"write which unit it is in: {line}"
+
+
+def as_a_share(foreign: str, name: str, unit: str) -> str:
+    """Return what to write where a column is in `unit`, a share such as %, and `name` is in a unit; else nothing."""
+    wanted = unit_of(name)
+    if not wanted or not _convertible(unit, "1") or _convertible(unit, wanted):
+        return ""
+    share = rename_line(foreign, name, "", conversion(unit, "1", "").factor * _EXAMPLE)
+    return (
+        f"{unit} is a share, so write the {wanted} that one of it stands for as the scale, such as {share} where all of "
+        f"it is {_EXAMPLE:g} {wanted}"
+    )
 
 
 def in_another_unit(foreign: str, name: str) -> str:
@@ -80,10 +94,11 @@ def in_another_unit(foreign: str, name: str) -> str:
     return rename_line(foreign, name, unit) if alike and _convertible(unit, wanted) else ""
 
 
-def rename_line(foreign: str, name: str, unit: str) -> str:
-    """Return a line of [recordings.rename] as TOML."""
+def rename_line(foreign: str, name: str, unit: str, scale: float | None = None) -> str:
+    """Return a line of [recordings.rename] as TOML, with a scale in place of a unit where one is given."""
     key = foreign if re.fullmatch(r"[A-Za-z0-9_-]+", foreign) else json.dumps(foreign, ensure_ascii=False)
-    return f"{key} = {{ name = {json.dumps(name)}, unit = {json.dumps(unit, ensure_ascii=False)} }}"
+    how = f"unit = {json.dumps(unit, ensure_ascii=False)}" if scale is None else f"scale = {scale:g}"
+    return f"{key} = {{ name = {json.dumps(name)}, {how} }}"
 
 
 def arranged(table: RawTable, rename: Mapping[str, Column], clock: RowClock | None, file: str) -> RawTable:

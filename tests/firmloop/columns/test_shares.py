@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from firmloop.cli import main
-from tests.firmloop.columns.plain_file import HEAT, TIME, VOLT, rows_of
+from tests.firmloop.columns.plain_file import HEAT, PLAIN, TIME, VOLT, rows_of
 from tests.firmloop.conftest import PROJECT
 
 POWER = np.round(50.0 + 40.0 * np.sin(TIME), 3)  # %
@@ -89,3 +89,16 @@ def test_an_exported_plant_tells_the_unit_of_its_drive(name: str, unit: str, tmp
             line for line in described.splitlines() if f'name="{name if part == "plant" else "output"}"' in line
         )
         assert f'unit="{unit}"' in variable, variable
+
+
+@pytest.mark.parametrize("line", ['"Duty [%]" = "voltage_V"', '"Duty [%]" = { name = "voltage_V", unit = "%" }'])
+def test_a_duty_in_percent_that_is_renamed_to_volts_is_answered_with_a_line_that_works(
+    line: str, bench: Callable[..., tuple]
+) -> None:
+    content = PLAIN.replace("voltage_V", "Duty [%]", 1)
+    status, _, said = bench(content, f"[recordings.rename]\n{line}")
+    way = '"Duty [%]" = { name = "voltage_V", scale = 0.24 }'
+    assert status == 2 and f"% is a share, so write the V that one of it stands for as the scale, such as {way}" in said
+    status, columns, said = bench(content, f"[recordings.rename]\n{way}")
+    assert status == 0, said
+    np.testing.assert_allclose(columns["voltage_V"], 0.24 * VOLT, rtol=1e-12)
