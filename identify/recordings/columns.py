@@ -81,8 +81,8 @@ def as_a_share(foreign: str, name: str, unit: str) -> str:
         return ""
     share = rename_line(foreign, name, "", conversion(unit, "1", "").factor * _EXAMPLE)
     return (
-        f"{unit} is a share, so write the {wanted} that one of it stands for as the scale, such as {share} where all of "
-        f"it is {_EXAMPLE:g} {wanted}"
+        f"{unit} is a share, so write the {wanted} that one of it stands for as the scale, such as {share} where all "
+        f"of it is {_EXAMPLE:g} {wanted}"
     )
 
 
