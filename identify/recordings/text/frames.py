@@ -7,9 +7,8 @@ from collections import Counter
 
 from firmloop.identify.recordings.text.cells import is_number
 
-_FRAME = re.compile(
-    r"\s*([\[({<$!]*)\s*(.*?)\s*(?:(?<=\w)(\*)[0-9A-Fa-f]{2})?([\])}>]*)[,;]?\s*"
-)  # NMEA 0183: * and a sum
+_OPEN, _CLOSE, _BEHIND = "[({<$!", "])}>", " \t\r,;"
+_SUM = re.compile(r"\w\*[0-9A-Fa-f]{2}")  # of NMEA 0183, behind a value
 _FEWEST = 3  # rows that make a table
 _SHARE = 0.5  # of the lines: the others are words of the board
 _PARTS = re.compile(r"[\s,;|]+")
@@ -23,19 +22,24 @@ def without_frames(text: str) -> tuple[str, tuple[str, ...]]:
     A sum to check a row by goes with them.
     """
     lines = text.split("\n")
-    marks = Counter(found[0] for line in lines if (found := _framed(line)) and _is_row(found[1]))
+    marks = Counter(frame for frame, inner in map(_framed, lines) if _is_row(inner))
     (frame, count), filled = next(iter(marks.most_common(1)), (("", ""), 0)), sum(bool(line.strip()) for line in lines)
     if frame == ("", "") or count < _FEWEST or count <= _SHARE * filled:
         return text, ()
-    bare = [found[1] if (found := _framed(line)) and found[0] == frame else line for line in lines]
+    bare = [inner if found == frame else line for line, (found, inner) in zip(lines, map(_framed, lines), strict=True)]
     shown = " and ".join(filter(None, (frame[0], frame[1].replace("*", "* with a sum"))))
     return "\n".join(bare), (f"has {shown} around its rows, left aside",)
 
 
-def _framed(line: str) -> tuple[_Marks, str] | None:
+def _framed(line: str) -> tuple[_Marks, str]:
     """Return the marks around a line, and what stands between them."""
-    found = _FRAME.fullmatch(line)
-    return ((found[1], (found[3] or "") + found[4]), found[2]) if found else None
+    bare = line.strip().rstrip(_BEHIND)
+    inner = bare.lstrip(_OPEN)
+    core = inner.rstrip(_CLOSE)
+    begin, end = bare[: len(bare) - len(inner)], inner[len(core) :]
+    if _SUM.fullmatch(core[-4:]):
+        core, end = core[:-3], f"*{end}"
+    return (begin, end), core.strip()
 
 
 def _is_row(text: str) -> bool:

@@ -108,3 +108,10 @@ def test_no_row_is_blamed_for_what_is_wrong_in_all(lines: list[str], words: str,
     status, _, said = bench("\n".join(lines))
     assert status == 2 and words in said, said
     assert "delete" not in said
+
+
+@pytest.mark.parametrize("sign", [" ", "[", ">", "*5A"])
+def test_a_line_of_many_marks_is_refused_at_once(sign: str, bench: Callable[..., tuple]) -> None:
+    """A pattern that tries every split of 20,000 blanks took minutes."""
+    status, _, said = bench("\n".join([HEADER, *(f"1,2{sign * 20000}x" for _ in range(3))]))
+    assert status == 2 and "line 1: has 3 names above 2 values in every row" in said
