@@ -21,7 +21,7 @@ _TEXT, _CELL, _MOST_TEXT = b"char", b"cell", 1000
 
 
 def mat73_variables(content: bytes) -> MatVariables:
-    """Give every numeric variable and every structure of them.
+    """Give every numeric variable and every structure of them, arrays with their sizes as they are stored.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class _Reader:
         self.read += item.size * item.dtype.itemsize
         if self.read > MOST_BYTES:
             raise ValueError(too_large(self.read))
-        return np.asarray(item[()]).T
+        return np.asarray(item[()])
 
     def _text(self, item: Any) -> str:
         if item.attrs.get("MATLAB_empty") or item.size > _MOST_TEXT:

@@ -28,7 +28,8 @@ _TABLE = (
 def read_mat(content: bytes) -> RawTable | Misread:
     """Take every numeric vector of the file, else those of its only structure; text and scalars are left aside."""
     try:
-        if _HDF5 in content[:1024]:
+        reverse = _HDF5 in content[:1024]
+        if reverse:
             found = mat73_variables(content)
         else:
             plain = unpacked_mat(content)
@@ -44,8 +45,9 @@ def read_mat(content: bytes) -> RawTable | Misread:
     groups = tuple(_groups(variables, "", 0))
     groups = groups[:1] if groups and not groups[0].name else groups
     wrong = {name: "holds complex numbers" for name in (*found.complex_names, *_complex_names(variables, 0))}
-    if not any(map(_beside, groups)):
-        return _no_vectors(variables, tuple(wrong))
+    if not any(map(_beside, groups)) and not (reverse and any(len(group.vectors) > 1 for group in groups)):
+        shown = {name: each.T if reverse and isinstance(each, np.ndarray) else each for name, each in variables.items()}
+        return _no_vectors(shown, tuple(wrong))
     table = table_of_groups(groups, _REMEDY)
     return replace(table, words={**table.words, **wrong}) if isinstance(table, RawTable) else table
 
