@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.hypothesis import Point, Problem, Unknown, full_start, outputs_of, stepped
+from firmloop.diagnose.model.bounded_step import solved_within
+from firmloop.diagnose.model.hypothesis import Point, Problem, Unknown, full_start, outputs_of, stepped, waves
 from firmloop.diagnose.policy import (
     BROKEN_DAMPING,
     CORRECTED_SHARE,
@@ -136,16 +137,24 @@ class SumOfSquares:
             found.append(flat)
         return tuple(found)
 
-    def step(self, normal: Array, pulled: Array, damping: float) -> tuple[Array, float]:
-        """Return a damped step (k + s w,), and how much it would lower the cost if all were linear.
+    def step(self, normal: Array, pulled: Array, damping: float, point: Point) -> tuple[Array, float]:
+        """Return a damped step (k + s w,) from a point, and how much it would lower the cost if all were linear.
 
-        `normal` and `pulled` are what `normal` and `descent` return. The step is no longer than it may be, the promise
-        that of a step of any length.
+        `normal` and `pulled` are what `normal` and `descent` return. A coordinate that would leave its bounds goes to
+        them, and the others as is best for them then. The step is no longer than it may be, the promise that of a step
+        of any length.
         """
-        count, step = len(self.unknowns), solved(normal, pulled, damping)
+        count, step = len(self.unknowns), solved_within(normal, pulled, damping, *self._room(point))
         promise = float(2.0 * pulled @ step - step @ normal @ step)
         step[:count] = np.clip(step[:count], -LONGEST_STEP, LONGEST_STEP)
         return step, promise
+
+    def _room(self, point: Point) -> tuple[Array, Array]:
+        """Return how far each coordinate (k,) may go down and up; of what goes by its quadratures, any way."""
+        here, free = self._inner(point), {key for keys in waves(self.problem.terms) for key in keys}
+        low = [-math.inf if each.name in free else each.inner(each.low) for each in self.unknowns]
+        high = [math.inf if each.name in free else each.inner(each.high) for each in self.unknowns]
+        return np.minimum(np.array(low) - here, 0.0), np.maximum(np.array(high) - here, 0.0)
 
     def normal(self, slopes: Sequence[Array]) -> Array:
         """Return J'J (k + s w, same), the tether's with it."""
@@ -221,10 +230,10 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
         normal, begun, lower = squares.normal(slopes), None, None
         pulled = squares.descent(slopes, place)
         least = max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost)
-        while damping > UNDAMPED and squares.step(normal, pulled, damping)[1] < least:
+        while damping > UNDAMPED and squares.step(normal, pulled, damping, place.point)[1] < least:
             damping /= LITTLE_DAMPING
         for _ in range(tries):
-            step, promise = squares.step(normal, pulled, damping)
+            step, promise = squares.step(normal, pulled, damping, place.point)
             if promise < least:
                 break  # what is not worth a step is not worth its simulation
             lower = _lower(squares, place, slopes, normal, damping, step)
@@ -257,7 +266,7 @@ def _onward(
     """
     while True:
         slopes = squares.amended(slopes, before, place)
-        step, promise = squares.step(squares.normal(slopes), squares.descent(slopes, place), damping)
+        step, promise = squares.step(squares.normal(slopes), squares.descent(slopes, place), damping, place.point)
         if promise < least:
             return place, damping
         trial = squares.at(squares.moved(place.point, step), place)
@@ -282,19 +291,8 @@ def _lower(
         if not trial.finite or trial.whole - place.whole > CORRECTED_SHARE * worse:
             break
         worse = trial.whole - place.whole
-        step, _ = squares.step(normal, squares.descent(slopes, trial), damping)
+        step, _ = squares.step(normal, squares.descent(slopes, trial), damping, trial.point)
     return None
-
-
-def solved(normal: Array, pulled: Array, damping: float) -> Array:
-    """Return the damped step; what no slope tells stays."""
-    sizes = np.sqrt(np.maximum(np.diag(normal), 0.0))
-    live = sizes > 1e-9
-    step = np.zeros(len(pulled))
-    scaled = normal[np.ix_(live, live)] / np.outer(sizes[live], sizes[live])
-    scaled = scaled + (damping + 1e-12) * np.eye(int(live.sum()))
-    step[live] = np.linalg.lstsq(scaled, pulled[live] / sizes[live], rcond=1e-13)[0] / sizes[live]
-    return step
 
 
 def residual_of(problem: Problem, recording: Recording, point: Point, index: int, most: float = math.inf) -> Array:

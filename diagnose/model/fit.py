@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import Place, SumOfSquares, descended, solved
+from firmloop.diagnose.model.bounded_step import solved
+from firmloop.diagnose.model.descent import Place, SumOfSquares, descended
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, Unknown, coordinates, full_start
 from firmloop.diagnose.model.torque_scale import inertia_of, near_given, on_scale_of_torques
 from firmloop.diagnose.policy import (
@@ -69,7 +70,7 @@ def fit(
     patience: float = FIT_PATIENCE,
     held: Collection[str] = (),
 ) -> Fitted:
-    """Search from `begin` in a given number of steps; bounds hold by stopping at them.
+    """Search from `begin` in a given number of steps; what comes to a bound is held there.
 
     No step begins after `patience` (million steps of simulation). What is `held` stays.
     """
@@ -94,7 +95,7 @@ def ended(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
         slopes = squares.slopes(place)
         normal = squares.normal(slopes)
         told.append(variances(normal, count))
-        step = solved(normal, squares.descent(slopes, place), 0.0)
+        step, _ = squares.step(normal, squares.descent(slopes, place), 0.0, place.point)
         step[:count] = np.clip(step[:count], -1.0, 1.0)
         for share in (1.0, 0.3, 0.1):
             trial = squares.at(squares.moved(place.point, share * step))

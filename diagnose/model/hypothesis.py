@@ -277,6 +277,11 @@ def coordinates(problem: Problem, terms: Sequence[LibraryTerm], at: Mapping[str,
     return tuple(found)
 
 
+def waves(terms: Iterable[LibraryTerm]) -> list[tuple[str, str]]:
+    """Return the full names of size and phase of each wave of known period: its two quadratures have no bounds."""
+    return [(term.keys[0], term.keys[1]) for term in terms if len(term.keys) == 2 and term.keys[1].endswith(PHASE)]
+
+
 def stepped(terms: Sequence[LibraryTerm], unknowns: Sequence[Unknown], here: Array, step: Array) -> Array:
     """Return coordinates (k,) a step away; a wave of known period goes by what the step does to its two quadratures.
 
@@ -284,10 +289,10 @@ def stepped(terms: Sequence[LibraryTerm], unknowns: Sequence[Unknown], here: Arr
     """
     there = here + step
     places = {each.name: k for k, each in enumerate(unknowns)}
-    for term in terms:
-        if len(term.keys) != 2 or not term.keys[1].endswith(PHASE) or not places.keys() >= set(term.keys):
+    for keys in waves(terms):
+        if not places.keys() >= set(keys):
             continue
-        size, phase = (places[key] for key in term.keys)
+        size, phase = (places[key] for key in keys)
         side = math.copysign(1.0, here[size])
         turn = float(np.clip(side * here[size] * step[phase] * unknowns[phase].scale, -LONGEST_STEP, LONGEST_STEP))
         along = side * there[size]

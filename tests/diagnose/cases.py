@@ -156,6 +156,29 @@ b_N_m_s_rad = {{ value = {3}, free = true }}
 """
 
 
+def motion(
+    motor: Motor, drive: NDArray[np.float64], step: float, pull: Callable[[float, float], float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a motor's angle and speed at every row, from rest, each voltage held for a step (s).
+
+    `pull` is the torque at an angle and a speed that holds the shaft back.
+    """
+    fine = math.ceil(step / 5e-5)
+    current = speed = angle = 0.0
+    angles, speeds = np.empty(len(drive)), np.empty(len(drive))
+    for k, voltage in enumerate(drive):
+        angles[k], speeds[k] = angle, speed
+        for _ in range(fine):
+            rise = (voltage - motor.resistance * current - motor.constant * speed) / motor.inductance
+            push = motor.constant * current - motor.friction * speed - pull(angle, speed)
+            current = min(max(current + step / fine * rise, -motor.limit), motor.limit)
+            if not motor.brakes and current * voltage <= 0.0:
+                current = 0.0
+            speed += step / fine * push / motor.inertia
+            angle += step / fine * speed
+    return angles, speeds
+
+
 def turned(
     folder: Path,
     motor: Motor,
@@ -168,19 +191,8 @@ def turned(
 
     `pull` is the torque at an angle that holds the shaft back.
     """
-    step, fine = 1e-3, 20
-    current = speed = angle = 0.0
-    read = np.empty(len(drive))
-    for k, voltage in enumerate(drive):
-        read[k] = speed
-        for _ in range(fine):
-            rise = (voltage - motor.resistance * current - motor.constant * speed) / motor.inductance
-            push = motor.constant * current - motor.friction * speed - pull(angle)
-            current = min(max(current + step / fine * rise, -motor.limit), motor.limit)
-            if not motor.brakes and current * voltage <= 0.0:
-                current = 0.0
-            speed += step / fine * push / motor.inertia
-            angle += step / fine * speed
+    step = 1e-3
+    _, read = motion(motor, drive, step, lambda angle, _: pull(angle))
     head = "time_s,voltage_V,speed_rad_s"
     return logged(folder, MOTOR_PROJECT.format(motor, *told), head, step * np.arange(len(drive)), drive, read + noise)
 

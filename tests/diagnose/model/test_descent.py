@@ -95,9 +95,9 @@ def test_what_a_step_promises_is_not_what_is_left_of_it_once_it_is_cut_short(
     place = made.at(begin)
     slopes = made.slopes(place)
     normal, pulled = made.normal(slopes), made.descent(slopes, place)
-    whole, promise = made.step(normal, pulled, 0.0)
+    whole, promise = made.step(normal, pulled, 0.0, begin)
     monkeypatch.setattr(descent, "LONGEST_STEP", 1e-9)
-    short, same = made.step(normal, pulled, 0.0)
+    short, same = made.step(normal, pulled, 0.0, begin)
     assert promise > 0.0
     assert same == promise
     assert np.max(np.abs(short[: len(made.unknowns)])) <= 1e-9 < np.max(np.abs(whole[: len(made.unknowns)]))

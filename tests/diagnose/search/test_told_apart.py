@@ -139,16 +139,13 @@ LOST = {
     480008: "dry friction: its plain simulation error does not tell the peak at rest, which the likelihood does",
     530054: "no mismatch",
     530090: "an offset or a load",
-    660057: "without the dead zone",
     660026: "a saturated input or an offset",
-    730067: "a saturated input beside it",
+    710058: "cogging or an eccentric encoder beside it",
     750038: "cogging in place of the coupling",
     770021: "no mismatch: a moment that one disturbance may have made is none",
-    830021: "a lag beside it",
     850024: "unknown",
     871088: "unknown",
     872126: "a load",
-    887212: "the input is late instead of the sensor",
 }
 CASES = [
     *(pytest.param(*case[:3], id=case[3]) for case in QUICK),
