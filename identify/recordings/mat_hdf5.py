@@ -18,6 +18,7 @@ from firmloop.identify.recordings.hdf5_groups import entries
 from firmloop.identify.recordings.mat_level5 import COMPLEX, DEEPEST, MOST_STRUCTURES, OBJECT, MatVariables
 
 _TEXT, _CELL, _MOST_TEXT = b"char", b"cell", 1000
+_MOST_VALUES = 100_000  # of a file, each as often as it is referred to: structures may refer to themselves
 
 
 def mat73_variables(content: bytes) -> MatVariables:
@@ -36,16 +37,19 @@ def mat73_variables(content: bytes) -> MatVariables:
 
 
 class _Reader:
-    """Reads one file, and counts what it has read: many references may lead to one large array."""
+    """Reads one file, and counts what it has read: many references may lead to one large array, or in a circle."""
 
     def __init__(self, file: Any) -> None:
-        self.file, self.read = file, 0
+        self.file, self.read, self.values = file, 0, 0
 
     def structure(self, group: Any, depth: int) -> Mapping[str, object]:
         found = ((name, self.value(item, depth - 1)) for name, item in entries(group))
         return {name: value for name, value in found if value is not None}
 
     def value(self, item: Any, depth: int) -> object:
+        self.values += 1
+        if self.values > _MOST_VALUES:
+            raise ValueError(f"its structures refer to more than {_MOST_VALUES:,} values")
         if hasattr(item, "items"):
             return self._structures(item, depth) if depth > 0 else None
         said = item.attrs.get("MATLAB_class")

@@ -19,11 +19,8 @@ _ORDERS = {b"IM": "<", b"MI": ">"}
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _COMPLEX = 0x0800
-_STRUCTURE, _TEXT, _OBJECTS = (
-    2,
-    4,
-    (3, 17),
-)  # classes of variables; the last are tables, timetables, timeseries, strings
+_STRUCTURE, _TEXT = 2, 4  # classes of variables
+_OBJECTS = (3, 17)  # tables, timetables, timeseries, strings
 DEEPEST = 8  # structures in structures
 MOST_STRUCTURES = 2000  # in one array of them
 _TEXTS = {2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}  # how letters are stored

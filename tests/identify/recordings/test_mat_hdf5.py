@@ -56,6 +56,13 @@ def one_matrix(file: Any) -> None:
     put(file, "data", np.column_stack([TIME, VOLTS, SPEED]))
 
 
+def a_circle(file: Any) -> None:
+    """Store an array of structures, every one of which is the whole array."""
+    group = file.create_group("log")
+    for field in ("first", "next"):
+        group.create_dataset(field, (1000, 1), dtype=h5py.ref_dtype)[:, 0] = [group.ref] * 1000
+
+
 def saved(folder: Path, build: Callable[[Any], None]) -> Path:
     path = folder / "r.mat"
     with h5py.File(path, "w", userblock_size=512) as file:
@@ -80,3 +87,8 @@ def test_a_structure_with_time_is_read(build: Callable[[Any], None], names: tupl
 def test_what_is_no_column_is_named(build: Callable[[Any], None], words: str, tmp_path: Path) -> None:
     with pytest.raises(IdentifyError, match=words):
         column(read_recording(saved(tmp_path, build), {}), "speed_rad_s")
+
+
+def test_structures_that_hold_themselves_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(IdentifyError, match="its structures refer to more than 100,000 values"):
+        read_recording(saved(tmp_path, a_circle), {})
