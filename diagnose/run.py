@@ -127,9 +127,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
 
 def _one(found: Search, apart: Apart) -> bool:
     """Tell whether the best of a search makes one machine of what seemed to be two."""
-    problem = found.problem
-    names = [signal.name for signal in problem.plant.outputs]
-    return apart.made_one(problem.train, names, found.best.fitted.residuals)
+    outputs = [outputs_of(found.problem, recording) for recording in found.problem.train]
+    return apart.made_one(outputs, found.best.fitted.residuals)
 
 
 def _another_hold(hold: str) -> str:

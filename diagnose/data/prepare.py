@@ -110,10 +110,10 @@ class Apart(NamedTuple):
     says: str
     left: float
 
-    def made_one(self, train: Sequence[Recording], outputs: Sequence[str], residuals: Sequence[Array]) -> bool:
-        """Tell whether residuals (n, r) of all recordings are about as small as those of a fit to each alone."""
-        spread = _spread([np.column_stack([each.columns[name] for name in outputs]) for each in train])
-        return float(np.mean(np.sum((np.concatenate(residuals) / spread) ** 2, axis=1))) < APART_POWER * self.left
+    def made_one(self, outputs: Sequence[Array], residuals: Sequence[Array]) -> bool:
+        """Tell whether residuals (n, r) of all outputs (n, r) are about as small as those of a fit to each alone."""
+        left = np.sum((np.concatenate(residuals) / _spread(outputs)) ** 2, axis=1)
+        return float(np.mean(left)) < APART_POWER * self.left
 
 
 def two_machines(plant: Plant, train: Sequence[Recording]) -> Apart | None:
@@ -198,7 +198,7 @@ def _as_one(plant: Plant, train: Sequence[Recording], names: Sequence[str]) -> f
 
 def _scaled(trial: _Trial, columns: Sequence[Array], whole: Array) -> float:
     """Return what is left in units of the spread (r,) of all recordings; a fit weighs by that of its own."""
-    return trial.power * float(np.max((np.std(np.concatenate(columns), axis=0) / whole) ** 2))
+    return trial.power * float(np.max((_spread(columns) / whole) ** 2))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,12 +29,12 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     for recording, run in zip(evidence.recordings, runs, strict=True):
         for pairs, pair in zip(seen, compared(evidence, recording, run), strict=True):
             pairs.append(pair)
-    if one_way := _driven_one_way(evidence, seen):
+    joined = [tuple(np.concatenate([pair[k] for pair in pairs]) for k in (0, 1)) for pairs in seen]
+    if one_way := _driven_one_way(evidence, joined):
         return (one_way,)
     drive, sources = " or ".join(each.name for each in evidence.given.inputs), sources_of(evidence.recordings)
     found = []
-    for signal, pairs in zip(evidence.given.outputs, seen, strict=True):
-        real, model = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+    for signal, pairs, (real, model) in zip(evidence.given.outputs, seen, joined, strict=True):
         correlation, _ = alike(real, model)
         alone = [alike(*pair)[0] for pair in pairs]
         against = [recording for recording, each in zip(evidence.recordings, alone, strict=True) if each < _ALONE]
@@ -56,21 +58,22 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _driven_one_way(evidence: Evidence, seen: list[list[tuple[Array, Array]]]) -> str:
+def _driven_one_way(evidence: Evidence, joined: Sequence[tuple[Array, ...]]) -> str:
     """Say that a drive is never negative, though an output goes both ways and its size follows; blank else."""
-    drives = [each.name for each in evidence.given.inputs]
-    values = np.concatenate([recording.columns[name] for recording in evidence.recordings for name in drives[:1]])
-    if len(drives) > 1 or np.min(values) < -_SIGNLESS * np.max(values):
+    if len(evidence.given.inputs) != 1:
         return ""
-    for signal, pairs in zip(evidence.given.outputs, seen, strict=True):
-        real, model = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+    drive = evidence.given.inputs[0].name
+    values = np.concatenate([recording.columns[drive] for recording in evidence.recordings])
+    if np.min(values) < -_SIGNLESS * np.max(values):
+        return ""
+    for signal, (real, model) in zip(evidence.given.outputs, joined, strict=True):
         both = min(-np.min(real), np.max(real)) > _SIGNLESS * np.max(np.abs(real))
         size = alike(np.abs(real), np.abs(model))[0]
         if both and size > _OF_A_SIZE and size - alike(real, model)[0] > _BETTER:
             return (
-                f"{drives[0]} of {sources_of(evidence.recordings)} is never negative, though {signal.name} goes both "
+                f"{drive} of {sources_of(evidence.recordings)} is never negative, though {signal.name} goes both "
                 "ways and its size follows: a drive or a duty recorded without its direction; record the direction, "
-                f"too, and give {drives[0]} its sign"
+                f"too, and give {drive} its sign"
             )
     return ""
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, sources_of
-from firmloop.identify.recordings.wrapping import TURN, wrap_of, wraps_at_a_turn
+from firmloop.identify.recordings.wrapping import TURN, wrap_of
 
 _TURNS = ((360.0, "degrees", 'unit = "deg", wraps = 360'), (1.0, "turns", 'unit = "rev", wraps = 1'))
 
@@ -22,7 +22,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
 
 def _said(evidence: Evidence, name: str, size: float) -> str:
     source = sources_of(evidence.recordings)
-    if wraps_at_a_turn(evidence.recordings, name):
+    if abs(size / math.tau - 1.0) < TURN:
         return (
             f"{name} of {source} leaps by a whole turn from one end of its range to the "
             "other, against its motion: a reading that wraps; write in its line of [recordings.rename] by how much the "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +12,10 @@ from firmloop.identify.recordings.extent import unpacked_mat
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.groups import Group, Vector, table_of_groups, vectors_of
 from firmloop.identify.recordings.mat_hdf5 import mat73_variables
-from firmloop.identify.recordings.mat_level5 import COMPLEX, OBJECT, mat_variables
+from firmloop.identify.recordings.mat_level5 import COMPLEX, DEEPEST, OBJECT, mat_variables
 from firmloop.identify.recordings.table import Array, Misread, RawTable
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_DEEPEST = 8  # structures in structures
 _REMEDY = "save time_s and each signal as a vector of its own"
 _TABLE = (
     "save its columns as a structure: s = table2struct(timetable2table(T), 'ToScalar', true); "
@@ -44,7 +43,8 @@ def read_mat(content: bytes) -> RawTable | Misread:
     variables = {name: each for name, each in found.values.items() if name[:2] != "__"}
     groups = tuple(_groups(variables, "", 0))
     groups = groups[:1] if groups and not groups[0].name else groups
-    wrong = {name: "holds complex numbers" for name in (*found.complex_names, *_complex_names(variables, 0))}
+    inside = (name for name, each in _every(variables, 0) if each is COMPLEX)
+    wrong = {name: "holds complex numbers" for name in (*found.complex_names, *inside)}
     if not any(map(_beside, groups)) and not (reverse and any(len(group.vectors) > 1 for group in groups)):
         shown = {name: each.T if reverse and isinstance(each, np.ndarray) else each for name, each in variables.items()}
         return _no_vectors(shown, tuple(wrong))
@@ -59,7 +59,7 @@ def _groups(variables: Mapping[str, object], place: str, depth: int) -> Iterator
     own = timed or vectors_of(arrays)
     if own:
         yield Group(place, own)
-    if depth < _DEEPEST:
+    if depth < DEEPEST:
         inner = ((name, value) for name, value in variables.items() if isinstance(value, Mapping))
         for name, value in inner:
             if not timed or name != "signals":
@@ -98,24 +98,18 @@ def _beside(group: Group) -> bool:
     return sum(values.ndim == 1 for _, values, _ in group.vectors) > 1
 
 
-def _holds(variables: Mapping[str, object], is_one: Callable[[object], bool], depth: int) -> bool:
-    inner = [each for each in variables.values() if isinstance(each, Mapping)]
-    return any(map(is_one, variables.values())) or (
-        depth < _DEEPEST and any(_holds(each, is_one, depth + 1) for each in inner)
-    )
-
-
-def _complex_names(variables: Mapping[str, object], depth: int) -> Iterator[str]:
-    yield from (name for name, each in variables.items() if each is COMPLEX)
-    if depth < _DEEPEST:
-        for each in variables.values():
-            if isinstance(each, Mapping):
-                yield from _complex_names(each, depth + 1)
+def _every(variables: Mapping[str, object], depth: int) -> Iterator[tuple[str, object]]:
+    """Yield all variables by name, then those of the structures among them."""
+    yield from variables.items()
+    for each in variables.values():
+        if depth < DEEPEST and isinstance(each, Mapping):
+            yield from _every(each, depth + 1)
 
 
 def _no_vectors(variables: Mapping[str, object], complex_names: tuple[str, ...]) -> Misread:
     """Say what a file holds instead of vectors beside one another."""
-    if _holds(variables, lambda each: each is OBJECT, 0):
+    every = [each for _, each in _every(variables, 0)]
+    if any(each is OBJECT for each in every):
         return Misread("", "holds a table, a timeseries or another object, which only MATLAB can open", _TABLE)
     if complex_names:
         name = complex_names[0]
@@ -129,7 +123,7 @@ def _no_vectors(variables: Mapping[str, object], complex_names: tuple[str, ...])
             f"save each by its name, as in time_s = {name}(:,1); voltage_V = {name}(:,2); save('r.mat', 'time_s', ...)"
         )
         return Misread("", f"holds {name}, a matrix of {shape}, whose columns have no names", cure)
-    if _holds(variables, lambda each: isinstance(each, tuple), 0):
+    if any(isinstance(each, tuple) for each in every):
         return Misread(
             "", "holds an array of structures", "save one of them: s = runs(1); save('r.mat', '-struct', 's')"
         )

@@ -22,11 +22,12 @@ def without_frames(text: str) -> tuple[str, tuple[str, ...]]:
     A sum to check a row by goes with them.
     """
     lines = text.split("\n")
-    marks = Counter(frame for frame, inner in map(_framed, lines) if _is_row(inner))
+    framed = [*map(_framed, lines)]
+    marks = Counter(frame for frame, inner in framed if _is_row(inner))
     (frame, count), filled = next(iter(marks.most_common(1)), (("", ""), 0)), sum(bool(line.strip()) for line in lines)
     if frame == ("", "") or count < _FEWEST or count <= _SHARE * filled:
         return text, ()
-    bare = [inner if found == frame else line for line, (found, inner) in zip(lines, map(_framed, lines), strict=True)]
+    bare = [inner if found == frame else line for line, (found, inner) in zip(lines, framed, strict=True)]
     shown = " and ".join(filter(None, (frame[0], frame[1].replace("*", "* with a sum"))))
     return "\n".join(bare), (f"has {shown} around its rows, left aside",)
 

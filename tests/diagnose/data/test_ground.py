@@ -22,7 +22,7 @@ from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording, make_recording
-from firmloop.identify.simulation.simulate import simulate
+from firmloop.identify.simulation.simulate import measured, simulate
 from tests.diagnose.cases import said_of
 from tests.sizes import MOTOR, STAGE, motor, stage, use_of
 
@@ -158,13 +158,13 @@ def test_a_clock_that_looks_like_another_inertia_is_named(tmp_path: Path) -> Non
 
 def test_a_finding_makes_one_machine_of_two_where_it_leaves_about_as_little_of_both() -> None:
     seen = [recorded(BARE["motor"], 10.0, seed) for seed in (1, 2)]
-    names = [signal.name for signal in BARE["motor"].outputs]
-    spread = np.std(np.concatenate([np.column_stack([each.columns[name] for name in names]) for each in seen]), axis=0)
-    left = [np.tile(0.01 * spread, (len(each.time), 1)) for each in seen]
+    outputs = [measured(BARE["motor"], each) for each in seen]
+    spread = np.std(np.concatenate(outputs), axis=0)
+    left = [np.tile(0.01 * spread, (len(each), 1)) for each in outputs]
     apart = Apart("", 2e-4)  # both outputs, each a hundredth of its spread
-    assert apart.made_one(seen, names, left)
-    assert apart.made_one(seen, names, [2.0 * left[0], 2.0 * left[1]])
-    assert not apart.made_one(seen, names, [left[0], 4.0 * left[1]])
+    assert apart.made_one(outputs, left)
+    assert apart.made_one(outputs, [2.0 * left[0], 2.0 * left[1]])
+    assert not apart.made_one(outputs, [left[0], 4.0 * left[1]])
 
 
 @pytest.mark.slow
