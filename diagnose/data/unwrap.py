@@ -52,7 +52,7 @@ def unwrapped(
     found = []
     for signal in plant.outputs:
         columns = [recording.columns[signal.name] for recording in train]
-        if len(np.unique(np.concatenate(columns))) < FEWEST_LEVELS:
+        if len(np.unique(np.concatenate(columns))) < FEWEST_LEVELS or _limited(signal.name, columns):
             continue
         undo: Callable[[Plant, Recording, str, float], Recording] = _unrolled
         wrap = wrapping(columns)
@@ -96,6 +96,17 @@ def shifted(recording: Recording, output: str, change: Array) -> Recording:
     return with_column(recording, output, recording.columns[output] + change)
 
 
+def _limited(output: str, columns: Sequence[Array]) -> bool:
+    """Tell whether readings gather at either end of what is seen of them, as none that wraps does.
+
+    A position at which two turns meet is read at either end where it rests there.
+    """
+    seen = np.concatenate(columns)
+    low, whole = float(seen.min()), float(np.ptp(seen))
+    near = float(np.mean(np.abs(seen - low - whole / 2.0) > (0.5 - RIM) * whole))
+    return near > AT_RIM and not output.startswith("position")
+
+
 def _folded(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[float, float, float] | None:
     """Return the same for a reading too quick to follow, from what the plant as given would show.
 
@@ -130,12 +141,11 @@ def _leaping(columns: Sequence[Array], expected: Sequence[Array]) -> tuple[tuple
     """Return the same for a reading that leaps by several ranges from row to row, and by what the plant's leaps grow.
 
     What else is hidden moves a reading slowly: where it leaps it goes as far as the plant as given would, but for whole
-    ranges. One that ends at a limit does not.
+    ranges.
     """
     seen, wanted = np.concatenate(columns), np.concatenate(expected)
     low, whole = float(seen.min()), float(np.ptp(seen))
-    near = np.mean(np.abs(seen - low - whole / 2.0) > (0.5 - RIM) * whole)
-    if not whole > 0.0 or near > AT_RIM or not np.all(np.isfinite(wanted)):
+    if not whole > 0.0 or not np.all(np.isfinite(wanted)):
         return None, 0.0
     leaps, aims = (np.concatenate([np.diff(each) for each in parts]) for parts in (columns, expected))
     best: tuple[float, float, float] | None = None

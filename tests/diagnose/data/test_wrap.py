@@ -12,7 +12,7 @@ from firmloop.diagnose.data.unwrap import unwrapped
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
-from tests.diagnose.cases import SHORT, drawn, lag_project, logged, said_of, shortened
+from tests.diagnose.cases import SHORT, drawn, lag_project, lagged, logged, said_of, shortened
 
 WHOLE = 5000  # rows of a case
 LAMP = lag_project("led_pct", "light_pct", 3.4, 0.02)
@@ -51,3 +51,13 @@ def test_a_reading_beyond_a_range_does_not_wrap_at_it(tmp_path: Path) -> None:
     drive = np.repeat([0.0, 25.0, 0.0, 25.0, 2.5, 25.0, 0.0], rows // 7)
     project = read_project(logged(tmp_path, LAMP, "time_s,led_pct,light_pct", 0.005 * np.arange(rows), drive, light))
     assert unwrapped(plant_of(project), read_data(project).train, ())[2] == ()
+
+
+def test_a_current_that_rests_at_its_limits_does_not_wrap(tmp_path: Path) -> None:
+    """A driver that limits its current turns it round from one row to the next, by the whole of what is seen of it."""
+    rng, rows = np.random.default_rng(3), 1500
+    drive = np.repeat(rng.choice([-9.6, 9.6], rows // 30), 30)
+    limited = np.clip(lagged(drive / 10.0, 0.004), -0.27, 0.27) + 2e-3 * rng.normal(size=rows)
+    head, project = "time_s,voltage_V,current_A", lag_project("voltage_V", "current_A", 0.1, 0.004)
+    file = logged(tmp_path, project, head, 0.01 * np.arange(rows), drive, limited)
+    assert unwrapped(plant_of(read_project(file)), read_data(read_project(file)).train, ())[2] == ()
