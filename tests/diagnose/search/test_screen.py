@@ -15,7 +15,26 @@ from firmloop.diagnose.model.hypothesis import Point, entered, first_point
 from firmloop.diagnose.search.round import _sized, screened
 from firmloop.diagnose.search.screen import Order, _promising, secants
 from firmloop.identify.fitting.noise import white
-from tests.diagnose.cases import BY_NAME, concealed, nominal_of, problem_of, truths, written
+from tests.diagnose.cases import BY_NAME, concealed, lagged, logged, nominal_of, problem_of, truths, written
+
+FLOW = """schema = 1
+name = "flow"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "ode"
+states = ["LEVEL"]
+inputs = ["drive_pct"]
+[plant.outputs]
+LEVEL = "LEVEL"
+[plant.derivatives]
+LEVEL = "(gain*drive_pct - LEVEL)/lag_s"
+[plant.balances]
+LEVEL = { kind = "flow", per = "1/lag_s" }
+[plant.parameters]
+gain = { value = 1.0, free = true }
+lag_s = { value = 20.0, free = true }
+"""
 
 
 def test_beside_a_slow_clock_a_limit_that_is_never_met_changes_nothing(tmp_path: Path) -> None:
@@ -77,3 +96,11 @@ def test_a_weight_begins_as_large_as_a_wave_once_a_turn_seems(tmp_path: Path) ->
     (begin,) = _promising(term, starts, (Order(1.0, 0.1 * starts[0][size]),))
     assert begin == {size: pytest.approx(0.1 * starts[0][size]), phase: starts[0][phase]}
     assert _promising(term, starts, ()) == [starts[0]]
+
+
+@pytest.mark.parametrize(("level", "runs_over"), [("warm_C", False), ("level_m", True)])
+def test_a_level_may_run_over_and_heat_may_not(tmp_path: Path, level: str, runs_over: bool) -> None:
+    drive = np.repeat([0.0, 40.0, 10.0, 60.0], 50)
+    head = f"time_s,drive_pct,{level}"
+    project = logged(tmp_path, FLOW.replace("LEVEL", level), head, np.arange(200.0), drive, lagged(drive, 0.2))
+    assert (problem_of(project).term("overflow") is not None) == runs_over

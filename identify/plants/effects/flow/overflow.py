@@ -16,6 +16,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     return tuple((share * scales.level, 0.3) for share in (0.95, 0.8, 0.65, 0.5))
 
 
+def possible(site: Site, scales: Scales) -> bool:
+    """Tell whether the state may be a level: heat does not run over a rim."""
+    return site.level_unit not in ("K", "degC")
+
+
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.add_limit(site.balance, values[0], values[1])
@@ -36,6 +41,7 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(0,),
+    possible=possible,
     unmet="what runs over is lost; the reference must stay below",
     coordinate="level",
     limits=True,
