@@ -10,7 +10,7 @@ from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weig
 from firmloop.diagnose.model.batch_means import with_disturbances
 from firmloop.diagnose.model.candidate import Candidate, closer, rated, without
 from firmloop.diagnose.model.continuation import met
-from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of, own_evidence
+from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of, own_evidence, past_kinks
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
 from firmloop.diagnose.model.kinks import limits, polished
 from firmloop.diagnose.model.profile_likelihood import profiled
@@ -179,7 +179,8 @@ def _certain(problem: Problem, fitted: Fitted) -> Fitted:
     while len(fitted.terms) > 1 and (least := doubtful(fitted, noises)) is not None:
         # Whitened edges are traps.
         plainly = [
-            fit(problem, problem.train, *each, flat(noises), STEPS_OF_A_FIT) for each in slimmer(problem, fitted, least)
+            past_kinks(problem, fit(problem, problem.train, *each, flat(noises), STEPS_OF_A_FIT), STEPS_OF_A_FIT)
+            for each in slimmer(problem, fitted, least)
         ]
         slim = nearest(fitted, plainly)
         if needed(fitted, slim, least):

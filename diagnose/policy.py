@@ -55,6 +55,7 @@ SLOW_RMS = 4.0  # residual rms over innovation rms from which a misfit may be sl
 ROUNDING = 3.0  # times the least noise of a sensor's resolution: the rms of what its steps round off
 SLOW_NOISE = 0.05  # of an output's spread, rms: more than that is no noise, however slowly it moves
 NEARER_RMS = 0.9  # ratio of residual rms from which simulations come nearer
+STANDSTILL = 0.2  # of the rms of a speed: below it dry friction may be what it has to be
 LOST_SHARE = 0.5  # of an output's spread: a misfit with which a simulation follows nothing
 SHOWN_RMS = 2.0**0.5  # ratio of residual rms before and after, from which an effect is as large as the noise
 FAILED_RMS = (
@@ -144,6 +145,7 @@ KEPT_SLOPES = 16  # sets of slopes for initial states
 COARSE_CHANGE = 2.0  # as longest change: ten times as fast as the usual, and alters an effect's trace by about 1/1000
 DIFFERENCE_STEP = 1e-5  # of a coordinate, for difference quotients
 FINE_DIFFERENCE_STEP = 1e-8  # the same where waves follow the simulated angle, which it takes far after many turns
+ACROSS_KINKS = 100.0  # times these steps, up to the next: they take in either side of a kink
 ROUGH_DIFFERENCE_STEP = 3e-3  # the same where bodies meet: each time a moment later, outputs move by a small leap
 
 # Budgets, in million steps of simulation; one in which all but the input is linear counts half.
@@ -166,6 +168,7 @@ LEVELLED = 3  # candidates near the best that are polished as that was
 EXCHANGES = 3  # times that what is mistaken for an effect is put in its place
 EXCHANGE_STARTS = 3  # from which one effect is tried in the place of another
 EXHAUSTIVE_FINALS = 3  # terms fitted to the end, of those tried from all their starts
+LEADS = 3  # of a regression, with as many terms each
 TRIED_FROM_GIVEN = 3  # terms tried beside the parameters as given
 ANGLE_AMENDMENTS = 8  # that the angle is amended, each by the last fit, as long as that explains more
 PIECES = 8  # of a recording

@@ -15,10 +15,10 @@ from firmloop.diagnose.discrepancy.disturbance import disturbances
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape
 from firmloop.diagnose.finding import Finding
 from firmloop.diagnose.model.candidate import Candidate, rated, residual_sizes, rms_of
-from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.disturbed_plant import sensors_remember
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search

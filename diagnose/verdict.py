@@ -17,13 +17,13 @@ from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
 from firmloop.diagnose.model.candidate import Candidate, larger, relative, residual_sizes, unseen_residuals, without
-from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import beside_scale, deviations, fit, fit_starts, noises_of, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, as_written
 from firmloop.diagnose.model.own_values import own_of_all
 from firmloop.diagnose.model.sandwich_covariance import doubtful
 from firmloop.diagnose.model.scale_doubt import interval_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
     COUNTED_SAMPLES,
     FIRM_TO_SAY,

@@ -23,7 +23,6 @@ import numpy as np
 
 from firmloop.design.law import DesignError, Law, Scalar
 from firmloop.identify.plants.attach import label_of, placed
-from firmloop.identify.plants.effect import Holding
 from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.simulate import constants_of
@@ -55,7 +54,7 @@ def smooth_rate(plant: Plant, smooth: float) -> Smooth:
         if held is None or held.share or place is None or place.state < 0:
             missed.append(label_of(plant, use))
             continue
-        rate[place.state] += place.per(constants) * _effort(held, *_motion(x, place, smooth))
+        rate[place.state] += place.per(constants) * held.effort(*_motion(x, place, smooth))
     if plant.delay is not None:
         missed.append(plant.delay)
     return Smooth(ca.Function("rate", [x, u], [rate]), plant.states, tuple(missed))
@@ -64,28 +63,6 @@ def smooth_rate(plant: Plant, smooth: float) -> Smooth:
 def _motion(x: ca.SX, place: Balance, smooth: float) -> tuple[ca.SX, ca.SX, ca.SX]:
     speed = x[place.state]
     return speed, ca.tanh(speed / smooth), x[place.position] if place.position >= 0 else ca.SX(0)
-
-
-def _effort(held: Holding, w: ca.SX, sign: ca.SX, th: ca.SX) -> ca.SX:
-    """Return the torque or force of an effect at speed w, its smooth sign, and position th."""
-    terms = []
-    if held.extra:
-        terms.append(-(held.up + held.extra * ca.exp(-((w / held.slow) ** 2))) * sign)
-    elif held.up == held.down != 0:
-        terms.append(-held.up * sign)
-    elif held.up or held.down:
-        terms.append(-held.up * (1 + sign) / 2 + held.down * (1 - sign) / 2)
-    if held.drag:
-        terms.append(-held.drag * w * w * sign)
-    if held.constant:
-        terms.append(ca.SX(-held.constant))
-    if held.wave:
-        terms.append(-held.wave * ca.sin(held.turns * th + held.phase))
-    if held.spring:
-        terms.append(-held.spring * th)
-    if held.cubic:
-        terms.append(-held.cubic * th * th * th)
-    return sum(terms, start=ca.SX(0))
 
 
 def parts_of(plant: Smooth, period: float, points: np.ndarray) -> int:

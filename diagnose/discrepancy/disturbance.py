@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from firmloop.diagnose.discrepancy.disturbance_smoother import nominal_plant
 from firmloop.diagnose.finding import Disturbance
 from firmloop.diagnose.model.candidate import rms_of
-from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.disturbed_plant import followed, groups
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
     COLORED_SENSOR,
     HELD_INPUT,

@@ -1,38 +1,23 @@
-"""Locate a mismatch: latent torque and voltage by a smoother, and the spans where the nominal plant fits worst."""
+"""Locate a mismatch: the plant a smoother follows it with, and the spans where the nominal plant fits worst."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
-from firmloop.diagnose.model.disturbed_plant import tracker
-from firmloop.diagnose.policy import MOST_SMOOTHED_ROWS, QUICK_WALK, SHORTEST_SPAN_S, WORST_SPANS
+from firmloop.diagnose.policy import SHORTEST_SPAN_S, WORST_SPANS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.plants.per_recording import without_varying
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.simulation.simulate import course_of, measured
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Latent:
-    """Smoothed states (n, s) of the nominal plant and the disturbance (n,) of each balance that explains the rest.
-
-    `kinds` are those of the balances; a disturbance is in N m, N, V or the flow's unit, positive where it drives.
-    """
-
-    time: Array
-    states: Array
-    disturbances: tuple[Array, ...]
-    kinds: tuple[str, ...]
 
 
 def nominal_plant(search: Search, candidate: Candidate) -> Plant:
@@ -50,30 +35,6 @@ def as_others(search: Search, recording: Recording, values: Mapping[str, float],
     own = np.nan_to_num(engine.simulate(recording, values, start) - engine.simulate(recording, values, common))
     outputs = {signal.name: recording.columns[signal.name] - own[:, k] for k, signal in enumerate(plant.outputs)}
     return replace(recording, columns={**recording.columns, **outputs})
-
-
-def latent(plant: Plant, recording: Recording, noise: Sequence[float]) -> Latent | None:
-    """Smooth the nominal plant with a random-walk disturbance in every balance that the outputs can tell.
-
-    `noise` (r,) is the rms of each output. None where the equations do not allow a smoother, or it diverges.
-    """
-    balances = [each for each in plant.balances if each.state >= 0][: len(plant.outputs)]
-    course = course_of(plant, recording)
-    made = tracker(plant, balances, course.step, noise, [QUICK_WALK] * len(balances))
-    if made is None:
-        return None
-    drive = course.drive[:MOST_SMOOTHED_ROWS]
-    rows, states = len(drive), len(plant.states)
-    outputs = measured(plant, recording)[:rows]
-    start = np.zeros(len(made.step))
-    start[:states] = np.linalg.lstsq(made.reading[:, :states], outputs[0], rcond=None)[0]
-    with np.errstate(over="ignore", invalid="ignore"):  # of bodies that hardly tell them apart it may diverge
-        here = made.smoothed(outputs, drive @ made.push.T, start)
-    if not np.all(np.isfinite(here)):
-        return None
-    kinds = tuple(balance.kind for balance in balances)
-    disturbances = tuple(here[:, states + k] for k in range(len(balances)))
-    return Latent(course.time[:rows], here[:, :states], disturbances, kinds)
 
 
 def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tuple[float, float], ...], float]:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from firmloop.diagnose.discrepancy.disturbance_smoother import Latent
+from firmloop.diagnose.model.latent import Latent
 from firmloop.diagnose.policy import (
     DRIFT_CYCLES,
     FAR_TO_ONE_SIDE,

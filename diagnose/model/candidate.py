@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import SumOfSquares, residual_of
-from firmloop.diagnose.model.fit import Fitted, evidence, fit, fit_starts, noises_of
+from firmloop.diagnose.model.descent import SumOfSquares
+from firmloop.diagnose.model.fit import Fitted, evidence, fit, fit_starts, noises_of, past_kinks
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, outputs_of
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
     ABSURD_COST,
     CLOSER_RMS,
@@ -158,7 +159,7 @@ def by_simulation_error(problem: Problem, begin: Fitted, beside: Array | None = 
             left = beside * np.sqrt(np.mean((left / beside) ** 2))
         sizes = [white(float(rms)) for rms in left]
         fitted = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_FIT)
-    return fitted
+    return past_kinks(problem, fitted, STEPS_OF_A_FIT)
 
 
 def clearly_nearer(one: Fitted, other: Fitted) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.bounded_step import solved
-from firmloop.diagnose.model.descent import Place, SumOfSquares, descended
+from firmloop.diagnose.model.descent import Place, SumOfSquares, descended, past_kink
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, Unknown, coordinates, full_start
 from firmloop.diagnose.model.torque_scale import inertia_of, near_given, on_scale_of_torques
 from firmloop.diagnose.policy import (
@@ -78,6 +78,17 @@ def fit(
     squares = SumOfSquares(problem, recordings, unknowns, noises, tethers(problem, unknowns))
     place, normal = descended(squares, begin, steps, patience)
     return Fitted(tuple(terms), unknowns, place.point, place.residuals, place.cost, tuple(noises), normal)
+
+
+def past_kinks(problem: Problem, fitted: Fitted, steps: int) -> Fitted:
+    """Go on with a fit that has ended on the sharp floor of a valley, as long as slopes across that lead down."""
+    squares = SumOfSquares(
+        problem, problem.train, fitted.coordinates, fitted.noises, tethers(problem, fitted.coordinates)
+    )
+    place, normal, until = squares.at(fitted.point), fitted.normal, problem.engine.steps + FIT_PATIENCE
+    while problem.engine.steps < until and (lower := past_kink(squares, place)) is not None:
+        place, normal = descended(squares, lower.point, steps)
+    return replace(fitted, point=place.point, residuals=place.residuals, cost=place.cost, normal=normal)
 
 
 def ended(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.data.unwrap import with_column
 from firmloop.diagnose.data.viterbi import cheapest
-from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import Fitted, fit, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, first_point, outputs_of
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import SIGN_AWAY, SIGN_BEND, SIGN_MOST, SIGN_ROUNDS, STEPS_FROM_GIVEN, STEPS_OF_A_FIT
 from firmloop.identify.fitting.noise import Noise, flat, white
 

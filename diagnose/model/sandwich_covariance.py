@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import SumOfSquares, start_slopes, whitened
+from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.disturbed_plant import sensors_remember
 from firmloop.diagnose.model.fit import Fitted, inverse, strength, tethers, widened
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, searched
+from firmloop.diagnose.model.slopes import start_slopes, whitened
 from firmloop.diagnose.policy import (
     CERTAIN_SIZE,
     CERTAIN_STEP,

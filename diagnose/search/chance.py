@@ -13,8 +13,8 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.finding import Gained
-from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, coordinates, entered, outputs_of
+from firmloop.diagnose.model.slopes import residual_of, slopes_of, whitened
 from firmloop.diagnose.policy import (
     CHANCE_DRAWS,
     CHANCE_PATIENCE,
@@ -32,6 +32,7 @@ from firmloop.diagnose.policy import (
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.orders import linear_traces
 from firmloop.diagnose.search.screen import Ground, ground
+from firmloop.identify.fitting.noise import oversized
 from firmloop.identify.fitting.projection import outside
 
 Array = NDArray[np.float64]
@@ -44,8 +45,8 @@ def evidence_of(search: Search) -> Gained:
     bootstrap of the largest drop (Davison & Hinkley 1997, section 4.2): the noise that the nominal plant leaves is
     drawn anew, and each term takes what its trace and the slopes of its parameters can take, at every start. Several
     effects are held against as many of the largest such drops, which two starts of one term may both hold: chance does
-    less. Where that is as little as draws can tell, Bonferroni's bound over all such sets, by the law of each drop
-    (Wilks 1938) in noise as loud as the loudest of its spectrum.
+    less. Where that is as little as draws can tell, or what the nominal plant leaves is no noise, Bonferroni's bound
+    over all such sets, by the law of each drop (Wilks 1938) in noise as loud as the loudest of its spectrum.
     """
     problem, nominal, best = search.problem, search.nominal, search.best
     gain = nominal.score - best.score
@@ -60,8 +61,9 @@ def evidence_of(search: Search) -> Gained:
     if count:
         loudest = max(float(np.max(factors)) ** 2 for factors in _louder(search))
         bound = _bound(_most(problem), share * _likelier(search) / loudest, count)
-    # Below the least that draws can tell, none would say more.
-    p_value = bound if bound < least else _by_draws(search, share, max(count, 1))
+    # Below the least that draws can tell, none would say more; and motion that is no noise cannot be drawn as such.
+    drawn = bound >= least and not oversized(nominal.noises)
+    p_value = _by_draws(search, share, max(count, 1)) if drawn else bound if bound < least else None
     return Gained("BIC", gain, None if p_value is None else min(max(p_value, least), 1.0), library)
 
 

@@ -19,9 +19,10 @@ from firmloop.diagnose.model.candidate import (
     rms_of,
     without,
 )
-from firmloop.diagnose.model.descent import SumOfSquares, residual_of
+from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, own_evidence
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
     EXCHANGE_PATIENCE,
     EXCHANGE_STARTS,

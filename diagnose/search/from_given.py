@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate, extended, farther, joined, rated
-from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.model.equation_error import leads
 from firmloop.diagnose.model.fit import Fitted, fit, fit_starts, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, first_point
 from firmloop.diagnose.model.lost_sign import from_unfolded
+from firmloop.diagnose.model.sensor_noise import sensor_noises
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
     FIRM_TO_RUN_AWAY,
     LOST_PARAMETER,
@@ -109,6 +111,14 @@ def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
                 begun = fit_starts(problem, problem.train, point.values, sizes)
                 found.append(fit(problem, problem.train, terms, begun, sizes, STEPS_FROM_GIVEN))
     return tuple(found)
+
+
+def from_balance(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
+    """Fit what a regression of the balance makes of the motion, where the nominal plant misses what is no noise."""
+    if nominal.fitted.terms or not oversized(nominal.noises):
+        return ()
+    begins = leads(problem, sensor_noises(nominal.fitted.residuals, problem.floors))
+    return tuple(fit(problem, problem.train, *each, flat(nominal.noises), STEPS_FROM_GIVEN) for each in begins)
 
 
 def _folded(problem: Problem, term: LibraryTerm) -> bool:

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import residual_of
 from firmloop.diagnose.model.fit import beside_scale, fit, fit_starts
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
     CROSS_FIT_PATIENCE,
     CROSS_FOLDS,

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.model.slopes import whitened
 from firmloop.diagnose.policy import HIGHEST_ORDER, KEPT_ORDERS, MOMENTS_TRIED, ORDERS_AT_ONCE, SLOW_SHARE
 from firmloop.diagnose.search.screen import Ground, Order
 from firmloop.identify.fitting.projection import outside

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import unlikely
-from firmloop.diagnose.model.descent import residual_of, slopes_of, whitened
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
+from firmloop.diagnose.model.slopes import residual_of, slopes_of, whitened
 from firmloop.diagnose.policy import LINEAR_SHARE, OPPOSITE_SIZE, PARALLEL, SCREEN_PATIENCE, SMALL_GRID
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.projection import outside, turn, with_starts

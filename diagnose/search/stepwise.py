@@ -24,7 +24,6 @@ from firmloop.diagnose.model.candidate import (
     simplest,
 )
 from firmloop.diagnose.model.continuation import over_stretches, past_contacts
-from firmloop.diagnose.model.descent import residual_of, whitened
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of
 from firmloop.diagnose.model.hypothesis import (
     MOMENT,
@@ -34,6 +33,7 @@ from firmloop.diagnose.model.hypothesis import (
     rescaled,
     turning,
 )
+from firmloop.diagnose.model.slopes import residual_of, whitened
 from firmloop.diagnose.policy import (
     COLORED_THRESHOLD,
     EXCHANGES,
@@ -54,7 +54,14 @@ from firmloop.diagnose.policy import (
 )
 from firmloop.diagnose.search.exchange import amounting, merged, parted, retied, swapped
 from firmloop.diagnose.search.found import Hypothesis, Progress, Search, beside, near_best
-from firmloop.diagnose.search.from_given import from_given, from_means, nominal_fit, runaways, with_likelier
+from firmloop.diagnose.search.from_given import (
+    from_balance,
+    from_given,
+    from_means,
+    nominal_fit,
+    runaways,
+    with_likelier,
+)
 from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.round import promising, screened, tried_beside
 from firmloop.diagnose.search.screen import Screened
@@ -92,7 +99,7 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
         for begin in filter(None, (best, best.likelier)):  # what the nearest fit misses may be what drifts
             table = screened(problem, begin)
             first = first or table
-            others = (*from_given(problem, best, table), *from_means(problem, best)) if begin is best else ()
+            others = _begun_elsewhere(problem, best, table) if begin is best else ()
             barren = beside(best, promising(table, worth))
             candidates = tried_beside(problem, begin, table, others, worth)
             if not candidates:
@@ -119,6 +126,10 @@ def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Se
     if set(best.fitted.terms) - before and len(best.fitted.terms) < most:
         return further(made) or made  # what was mistaken for it had hidden the rest
     return made
+
+
+def _begun_elsewhere(problem: Problem, best: Candidate, table: Sequence[Screened]) -> tuple[Fitted, ...]:
+    return (*from_given(problem, best, table), *from_means(problem, best), *from_balance(problem, best))
 
 
 def further(found: Search, table: Sequence[Screened] | None = None) -> Search | None:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.data.unwrap import shifted, turns_between
 from firmloop.diagnose.model.candidate import Candidate, unseen_residuals
-from firmloop.diagnose.model.descent import slopes_of
 from firmloop.diagnose.model.fit import fit, noises_of
 from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.model.slopes import slopes_of
 from firmloop.diagnose.policy import COUNTED_MOST, COUNTED_NEAR, COUNTING_ROUNDS, RANGE_DEVIATIONS, STEPS_OF_A_FIT
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import flat

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.discrepancy.disturbance import balance_unit
-from firmloop.diagnose.discrepancy.disturbance_smoother import Latent, latent, nominal_plant
-from firmloop.diagnose.model.descent import residual_of
+from firmloop.diagnose.discrepancy.disturbance_smoother import nominal_plant
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
+from firmloop.diagnose.model.latent import Latent, latent
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import IMPOSSIBLE
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.code_words import figure, percent

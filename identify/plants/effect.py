@@ -5,9 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
+
+import casadi as ca
 
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.plant import Plant
+
+_Values = TypeVar("_Values", ca.SX, ca.DM)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +160,27 @@ class Holding:
     phase: float = 0.0
     share: float = 0.0
     dead: float = 0.0
+
+    def effort(self, w: _Values, sign: _Values, th: _Values) -> _Values:
+        """Return the torque or force of the effect at a speed, its sign, and a position; none of `share` and `dead`."""
+        terms = []
+        if self.extra:
+            terms.append(-(self.up + self.extra * ca.exp(-((w / self.slow) ** 2))) * sign)
+        elif self.up == self.down != 0:
+            terms.append(-self.up * sign)
+        elif self.up or self.down:
+            terms.append(-self.up * (1 + sign) / 2 + self.down * (1 - sign) / 2)
+        if self.drag:
+            terms.append(-self.drag * w * w * sign)
+        if self.constant:
+            terms.append(0.0 * w - self.constant)
+        if self.wave:
+            terms.append(-self.wave * ca.sin(self.turns * th + self.phase))
+        if self.spring:
+            terms.append(-self.spring * th)
+        if self.cubic:
+            terms.append(-self.cubic * th * th * th)
+        return sum(terms, start=0.0 * w)
 
 
 @dataclass(frozen=True, slots=True)

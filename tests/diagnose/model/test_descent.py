@@ -8,15 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from firmloop.diagnose.model import descent
-from firmloop.diagnose.model.descent import Place, SumOfSquares, descended, residual_of
+from firmloop.diagnose.model import descent, slopes
+from firmloop.diagnose.model.descent import Place, SumOfSquares, descended, past_kink
 from firmloop.diagnose.model.fit import tethers
-from firmloop.diagnose.model.hypothesis import Point, coordinates, entered, first_point
+from firmloop.diagnose.model.hypothesis import Point, Problem, coordinates, entered, first_point, outputs_of
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.identify.fitting.noise import white
+from firmloop.identify.recordings.recording import Recording
 from tests.diagnose.cases import concealed, problem_of
 
 NAME = "coulomb_friction"
+Array = NDArray[np.float64]
 
 
 @pytest.fixture
@@ -72,13 +76,13 @@ def test_a_trial_may_take_ten_times_as_long_as_where_it_begins_and_no_longer(
 def test_amended_slopes_tell_what_a_step_has_done(squares: tuple[SumOfSquares, Point]) -> None:
     made, begin = squares
     before = made.at(begin)
-    slopes = made.slopes(before)
+    own_slopes = made.slopes(before)
     size = len(made.unknowns) + len(made.problem.engine.states) * len(made.recordings)
     step = np.full(size, 1e-2)
     place = made.at(made.moved(begin, step))
-    amended = made.amended(slopes, before, place)
+    amended = made.amended(own_slopes, before, place)
     noises, count = made.noises, len(made.unknowns)
-    for k, (flat, own) in enumerate(zip(amended, slopes, strict=True)):
+    for k, (flat, own) in enumerate(zip(amended, own_slopes, strict=True)):
         states = (size - count) // len(made.recordings)
         moved = np.concatenate([step[:count], step[count + states * k : count + states * (k + 1)]])
         change = before.residuals[k] - place.residuals[k]
@@ -93,11 +97,37 @@ def test_what_a_step_promises_is_not_what_is_left_of_it_once_it_is_cut_short(
     """Cut coordinate by coordinate it may promise nothing, and lead on all the same: a servo's friction was lost so."""
     made, begin = squares
     place = made.at(begin)
-    slopes = made.slopes(place)
-    normal, pulled = made.normal(slopes), made.descent(slopes, place)
+    tall = made.slopes(place)
+    normal, pulled = made.normal(tall), made.descent(tall, place)
     whole, promise = made.step(normal, pulled, 0.0, begin)
     monkeypatch.setattr(descent, "LONGEST_STEP", 1e-9)
     short, same = made.step(normal, pulled, 0.0, begin)
     assert promise > 0.0
     assert same == promise
     assert np.max(np.abs(short[: len(made.unknowns)])) <= 1e-9 < np.max(np.abs(whole[: len(made.unknowns)]))
+
+
+def test_a_valley_whose_floor_is_a_kink_is_followed_along_it(
+    squares: tuple[SumOfSquares, Point], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a shaft just comes to rest: to either side residuals grow, and slopes to one side lead nowhere."""
+    made, begin = squares
+    made = replace(made, unknowns=made.unknowns[:2], tether=np.zeros((0, 3)), noises=[white(1.0)] * len(made.noises))
+
+    def left(problem: Problem, recording: Recording, point: Point, index: int, most: float = math.inf) -> Array:
+        x, y = (each.inner(point.values[each.name]) - each.inner(begin.values[each.name]) for each in made.unknowns)
+        rows = np.zeros_like(outputs_of(problem, recording))
+        rows[:2, 0] = 1.0 + 10.0 * abs(x - y), 2.0 - x - y
+        return rows
+
+    monkeypatch.setattr(descent, "residual_of", left)
+    monkeypatch.setattr(slopes, "residual_of", left)
+    monkeypatch.setattr(
+        slopes, "_anchored", lambda *asked: np.zeros((*left(*asked[:2], begin, 0).shape, len(asked[3])))
+    )
+    assert made.at(begin).cost == pytest.approx(5.0)
+    place, _ = descended(made, begin, 24)
+    assert place.cost == pytest.approx(5.0)
+    lower = past_kink(made, place)
+    assert lower is not None
+    assert lower.cost == pytest.approx(1.0, abs=0.05)

@@ -11,9 +11,10 @@ import pytest
 from bench.diagnose.blind_cases import draw_case
 from firmloop.diagnose.model import kinks
 from firmloop.diagnose.model.continuation import grown
-from firmloop.diagnose.model.descent import SumOfSquares, residual_of
+from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import Fitted, fit, noises_of, tethers
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, coordinates, entered, first_point
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.model.torque_scale import near_given
 from firmloop.diagnose.search.exchange import exchanged
 from firmloop.diagnose.search.from_given import runaways

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmloop.diagnose.model.descent import start_slopes
 from firmloop.diagnose.model.hypothesis import entered, first_point, make_problem
+from firmloop.diagnose.model.slopes import start_slopes
 from firmloop.identify.recordings.recording import make_recording
 from tests.diagnose.cases import drawn, said_of
 from tests.sizes import stage

@@ -53,6 +53,12 @@ def becomes(values: Sequence[float], scales: Scales) -> str:
     return "return_spring" if 0.5 * stiffness * scales.span**2 < _STILL * inertia else ""
 
 
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether the second inertia swings on its spring for a row at least: a stiffer one moves with the first."""
+    stiffness, inertia, _damping = values
+    return stiffness * scales.step**2 < (2.0 * math.pi) ** 2 * inertia
+
+
 EFFECT = Effect(
     name="flexible_coupling",
     equation="torque",
@@ -68,6 +74,7 @@ EFFECT = Effect(
     attach=attach,
     codes=(),
     switches=(1,),
+    believable=believable,
     becomes=becomes,
     unmet="the second body moves by itself; an observer or a notch meets that",
     coordinate="frequency",
