@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.effective_samples import Pure, deviations_under, noises_of, widened
-from firmloop.identify.fitting.least_squares import triangle, triangle_of
+from firmloop.identify.fitting.least_squares import joined, triangle, triangle_of
 from firmloop.identify.plants.plant import Parameter, Plant
 
 Array = NDArray[np.float64]
@@ -82,7 +82,7 @@ def uncertainty(
     for first, end in pairwise(np.cumsum([0, *windows]).tolist()):
         pairs = zip(clean[first:end], residuals[first:end], strict=True)
         # With the initial states projected out of J, the scores of the parameters alone carry the sandwich.
-        meat += _long_run(np.concatenate([_scores(block, part) for block, part in pairs]))
+        meat += _long_run(joined([_scores(block, part) for block, part in pairs]))
     rows = sum(residual.size for residual in residuals)
     unknowns = parameters + sum(block.shape[2] - parameters for block in slopes)
     lost = rows / max(rows - unknowns, 1)

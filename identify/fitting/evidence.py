@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.experiment import Experiment, conditioned, experiments, misfit
 from firmloop.identify.fitting.fit import Fit
-from firmloop.identify.fitting.least_squares import triangle, triangle_of
+from firmloop.identify.fitting.least_squares import joined, triangle, triangle_of
 from firmloop.identify.fitting.own_values import own_start, steps_apart, usual_start
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
@@ -130,11 +130,11 @@ def remainders(evidence: Evidence) -> tuple[Remainder, ...]:
     for recording, score in zip(evidence.recordings, fit.train, strict=True):
         parts = [replace(made, lags=score.lags) for made in experiments(plant, recording, evidence.conditioning)]
         each = [misfit(made, engine, constants, start, free) for made, start in zip(parts, score.starts, strict=True)]
-        residual = _joined([one for one, _ in each])
-        slopes = _joined([slope[..., : len(free)] for _, slope in each])
+        residual = joined([one for one, _ in each])
+        slopes = joined([slope[..., : len(free)] for _, slope in each])
         states = [slope[..., len(free) :] for _, slope in each]
         own = _block_diagonal([each.reshape(math.prod(each.shape[:-1]), len(plant.states)) for each in states])
-        found.append(Remainder(score.source, _joined([_times(made) for made in parts]), residual, slopes, own))
+        found.append(Remainder(score.source, joined([_times(made) for made in parts]), residual, slopes, own))
     return tuple(found)
 
 
@@ -142,11 +142,6 @@ def _times(made: Experiment) -> Array:
     moments = made.course.time[made.course.first : made.course.end]
     rows = len(conditioned(made, np.zeros((len(moments), len(made.names)))))
     return moments if rows == len(moments) else np.linspace(moments[0], moments[-1], rows)
-
-
-def _joined(blocks: Sequence[Array]) -> Array:
-    """Put blocks of rows below each other; a single one, which may be long, is not copied."""
-    return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
 
 
 def _block_diagonal(blocks: Sequence[Array]) -> Array:

@@ -79,11 +79,16 @@ def rows_time(made: Experiment) -> Array:
 
 
 def conditioned(made: Experiment, outputs: Array) -> Array:
-    """Condition values (n, r, ...) of all outputs, measured or simulated or a derivative, into (q, r, ...)."""
+    """Condition values (n, r, ...) of all outputs, measured or simulated or a derivative, into (q, r, ...).
+
+    Values of a million rows are long: where nothing is done to them they are returned as they are.
+    """
     parts = [
         condition_output(made.conditioning, name, rows_time(made), outputs[:, index])
         for index, name in enumerate(made.names)
     ]
+    if all(np.may_share_memory(part, outputs) for part in parts):
+        return np.ascontiguousarray(outputs)
     return np.stack(parts, axis=1)
 
 

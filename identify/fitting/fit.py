@@ -22,6 +22,7 @@ from firmloop.identify.fitting.experiment import (
     experiments,
 )
 from firmloop.identify.fitting.hardly_told import hardly_told
+from firmloop.identify.fitting.least_squares import joined
 from firmloop.identify.fitting.own_values import OwnValue, own_values, unseen_own
 from firmloop.identify.fitting.problem import (
     FitPoint,
@@ -259,10 +260,10 @@ def _best_starts(problem: FitProblem, constants: Array, parts: Sequence[Experime
 def _settle(problem: FitProblem, begin: FitPoint, report: Progress, fraction: float) -> tuple[FitPoint, FitProblem]:
     """Repeat fit and weighting until the weights stay."""
     point = begin
-    spread = np.std(np.concatenate([made.target for made in problem.experiments]), axis=0)
+    spread = np.std(joined([made.target for made in problem.experiments]), axis=0)
     for turn in range(_PASSES):
         report(fraction + 0.02 * turn, f"fitting, weights {turn + 1}")
-        residuals = np.concatenate([residual for residual, _ in weighted(problem, point)])
+        residuals = joined([residual for residual, _ in weighted(problem, point)])
         rms = np.sqrt(np.mean(residuals**2, axis=0)) / problem.weights
         weights = 1.0 / np.maximum(rms, _SMALLEST_SHARE * spread)
         done = turn > 0 and bool(np.all(np.abs(weights / problem.weights - 1.0) < 0.02))
@@ -361,7 +362,7 @@ def _result(
     if not possible(plant, parameters):
         inside = zip(parameters, best.constants.tolist(), strict=True)
         parameters = tuple(replace(parameter, value=value) for parameter, value in inside)
-    every = np.concatenate(residuals)
+    every = joined(residuals)
     unknowns = (count + best.starts.size) / every.shape[1]
     noise = np.sqrt(np.sum(every**2, axis=0) / max(len(every) - unknowns, 1.0)) / problem.weights
     fitted = replace(plant, parameters=parameters)
@@ -369,7 +370,7 @@ def _result(
     train = tuple(
         _score(problem.engine, best.constants, parts, starts) for parts, starts in zip(grouped, began, strict=True)
     )
-    left = [np.concatenate(parts).T for parts in by_recording(problem, plain_residuals(problem, best))]
+    left = [joined(parts).T for parts in by_recording(problem, plain_residuals(problem, best))]
     poor = [
         said
         for one, columns in zip(train, left, strict=True)
@@ -393,7 +394,7 @@ def _result(
 
 def _score(engine: Engine, constants: Array, parts: Sequence[Experiment], starts: Sequence[Array]) -> RecordingScore:
     outputs = [delayed(made, run) for made, run in zip(parts, _run(engine, constants, parts, starts), strict=True)]
-    shown = np.concatenate([conditioned(made, run) for made, run in zip(parts, outputs, strict=True)])
-    target = np.concatenate([made.target for made in parts])
+    shown = joined([conditioned(made, run) for made, run in zip(parts, outputs, strict=True)])
+    target = joined([made.target for made in parts])
     each = {name: scores(target[:, k], shown[:, k]) for k, name in enumerate(parts[0].names)}
-    return RecordingScore(parts[0].source, each, np.concatenate(outputs), np.stack(starts), parts[0].lags)
+    return RecordingScore(parts[0].source, each, joined(outputs), np.stack(starts), parts[0].lags)

@@ -11,7 +11,7 @@ that are nearly linear; `scaled_step` is one Gauss-Newton step from normal equat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,6 +83,11 @@ def triangle(*columns: NDArray[np.floating[Any]]) -> Array:
         np.concatenate([each[first : first + taken] for each in columns], axis=1, out=block.reshape(-1, width)[:taken])
         tops.append(np.asarray(np.linalg.qr(block, mode="r")).reshape(-1, width))
     return np.asarray(np.linalg.qr(np.concatenate(tops), mode="r"))
+
+
+def joined(blocks: Sequence[Array]) -> Array:
+    """Put blocks of rows below each other; a single one, which may be long, is not copied."""
+    return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
 
 
 def triangle_of(blocks: Iterable[Array]) -> Array:

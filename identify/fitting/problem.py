@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.experiment import Experiment, conditioned, delayed, misfit, plainly_conditioned
-from firmloop.identify.fitting.least_squares import Reduced, Unknowns, minimize, triangle
+from firmloop.identify.fitting.least_squares import Reduced, Unknowns, joined, minimize, triangle
 from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import MOST_STEPS, Engine
@@ -66,7 +66,7 @@ def make_problem(plant: Plant, engine: Engine, recordings: Sequence[Sequence[Exp
     known = np.isfinite(values) & (values != 0.0)
     centre = np.where(known, values, 1.0)
     scale = np.where(logarithmic, 1.0, np.abs(centre))
-    spread = np.std(np.concatenate([made.target for made in experiments]), axis=0)
+    spread = np.std(joined([made.target for made in experiments]), axis=0)
     return FitProblem(
         plant=plant,
         engine=engine,
@@ -159,9 +159,9 @@ def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPo
             problem, at_coordinates(problem, begin.constants, unknowns.shared, unknowns.own)
         ):
             aim, tall = residual.reshape(-1), slopes.reshape(-1, slopes.shape[2])
-            if not (np.max(np.abs(aim), initial=0.0) <= _FAR and np.max(np.abs(tall), initial=0.0) <= _STEEP):
+            if not (_within(aim, _FAR) and _within(tall, _STEEP)):
                 aim = np.clip(np.nan_to_num(aim, nan=_FAR, posinf=_FAR, neginf=-_FAR), -_FAR, _FAR)
-                tall = np.clip(np.nan_to_num(tall, nan=0.0), -_STEEP, _STEEP)
+                np.clip(np.nan_to_num(tall, copy=False, nan=0.0), -_STEEP, _STEEP, out=tall)
             blocks.append(triangle(tall[:, count:], tall[:, :count], aim[:, None]))
         leash = (unknowns.shared - problem.leash_centre) * problem.leash_weight
         return Reduced(np.stack(blocks), np.column_stack([np.diag(problem.leash_weight), leash]))
@@ -170,6 +170,11 @@ def solve(problem: FitProblem, begin: FitPoint, evaluations: int) -> tuple[FitPo
     found = minimize(evaluate, Unknowns(place, begin.starts), problem.low, problem.high, evaluations)
     rows = sum(made.target.size for made in problem.experiments)
     return at_coordinates(problem, begin.constants, found.place.shared, found.place.own), 0.5 * found.cost / rows
+
+
+def _within(values: Array, most: float) -> bool:
+    """Tell whether all values are numbers no larger than `most`; sizes of their own would be as long as the slopes."""
+    return bool(-most <= np.min(values, initial=0.0) and np.max(values, initial=0.0) <= most)
 
 
 def plain_residuals(problem: FitProblem, at: FitPoint) -> list[Array]:
