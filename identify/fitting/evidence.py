@@ -131,9 +131,9 @@ def remainders(evidence: Evidence) -> tuple[Remainder, ...]:
         parts = [replace(made, lags=score.lags) for made in experiments(plant, recording, evidence.conditioning)]
         each = [misfit(made, engine, constants, start, free) for made, start in zip(parts, score.starts, strict=True)]
         residual = joined([one for one, _ in each])
-        slopes = joined([slope[..., : len(free)] for _, slope in each])
         states = [slope[..., len(free) :] for _, slope in each]
         own = _block_diagonal([each.reshape(math.prod(each.shape[:-1]), len(plant.states)) for each in states])
+        slopes = np.concatenate([slope[..., : len(free)] for _, slope in each])  # not held with those of the states
         found.append(Remainder(score.source, joined([_times(made) for made in parts]), residual, slopes, own))
     return tuple(found)
 

@@ -78,15 +78,15 @@ def independent(residuals: Sequence[Array]) -> float:
     """Return how many independent samples residuals (q,) of several recordings hold: q / (1 + 2 sum rho)."""
     count = 0.0
     for part in residuals:
-        away = part - part.mean()
-        power = np.abs(np.fft.rfft(away, 2 * len(away))) ** 2
-        rho = np.fft.irfft(power, 2 * len(away))[: max(len(away) // 2, 1)]
+        rows = len(part)
+        power = np.abs(np.fft.rfft(part - part.mean(), 2 * rows)) ** 2
+        rho = np.fft.irfft(power, 2 * rows)[: max(rows // 2, 1)]
         if rho[0] <= 0.0:
             continue
         rho = rho / rho[0]
         below = np.flatnonzero(rho <= 0.0)
         kept = rho[1 : below[0]] if len(below) else rho[1:]
-        count += len(away) / (1.0 + 2.0 * float(np.sum(kept)))
+        count += rows / (1.0 + 2.0 * float(np.sum(kept)))
     return count
 
 
