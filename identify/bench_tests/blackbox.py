@@ -181,7 +181,7 @@ def redrawn(structure: str, records: Sequence[Record], model: SampledModel, draw
 
     That is right where the residuals are white, which the caller has to test.
     """
-    plain = _plain(model)
+    plain = companion(model)
     shown = [_simulated(plain, record) for record in records]
     left = [record.output - made for record, made in zip(records, shown, strict=True)]
     random = np.random.default_rng(1)
@@ -219,22 +219,29 @@ def check_records(records: Sequence[Record], order: int, late: int) -> None:
             raise IdentifyError(f"{record.source}: the output never changes; record the plant while it moves")
 
 
-def check_answer(records: Sequence[Record], model: SampledModel) -> None:
-    """Refuse recordings of which neither the model nor output error explains more than it would of white noise.
+def check_answer(structure: str, records: Sequence[Record], model: SampledModel, tried: int) -> None:
+    """Refuse a model that explains no more than it would of white noise, the best of `tried` delays taken.
 
     Off white noise, least squares take as many times its variance as the model has coefficients, and one for its start
-    (chi-squared).
+    (chi-squared); the best of several delays has as many chances.
     """
     order, rows = len(model.a), sum(len(record.output) for record in records)
-    enough = float(scipy.special.chdtri(2 * order + 1, 1.0 - CERTAIN)) / rows
-    explained = _explained(_plain(model), records)
-    if not explained > enough:
-        explained = _explained(fit_oe(records, order, model.late), records)
-    if not explained > enough:
+    enough = float(scipy.special.chdtri(2 * order + 1, (1.0 - CERTAIN) / tried)) / rows
+    explained = _explained(companion(model), records)
+    if explained > enough:
+        return
+    possible = _explained(fit_oe(records, order, model.late), records)
+    if possible > enough:
         raise IdentifyError(
-            f"{records[0].source}: the output does not answer the input: a model of order {order} explains "
-            f"{max(100.0 * explained, 0.0):.2g} % of it, no more than of noise; check the wiring, or excite the plant"
+            f"{records[0].source}: simulated from the input alone, {structure} explains "
+            f"{max(100.0 * explained, 0.0):.2g} % of the output, where output error explains {100.0 * possible:.2g} %; "
+            "take structure = 'oe'"
         )
+    raise IdentifyError(
+        f"{records[0].source}: the output does not answer the input: a model of order {order} explains "
+        f"{max(100.0 * max(explained, possible), 0.0):.2g} % of it, no more than of noise; check the wiring, or excite "
+        "the plant"
+    )
 
 
 def _explained(model: SampledModel, records: Sequence[Record]) -> float:
@@ -243,8 +250,8 @@ def _explained(model: SampledModel, records: Sequence[Record]) -> float:
     return 1.0 - float(np.sum(left) / np.sum([np.var(record.output) for record in records]))
 
 
-def _plain(model: SampledModel) -> SampledModel:
-    """Return the model in companion form."""
+def companion(model: SampledModel) -> SampledModel:
+    """Return the model in the form in which it is simulated here."""
     above, below = scipy.signal.ss2tf(model.a, model.b[:, None], model.c[None, :], np.zeros((1, 1)))
     return _companion(below[1:], above[0][1:], model.late)
 

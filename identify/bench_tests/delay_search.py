@@ -41,15 +41,20 @@ class DelaysAlike:
     most: int
 
 
+def delays_tried(records: Sequence[Record]) -> int:
+    """Return among how many delays the best one is searched, from 0 on."""
+    return 1 + min(MOST, min(len(one.output) for one in records) // SHARE)
+
+
 def best_delays(records: Sequence[Record], order: int) -> DelaysAlike:
     """Return the samples whose models leave no more than the best, as far as noise can tell, from the least on.
 
-    The records are tried as they are and without their means, which helps where they rest away from 0 and harms where
-    they begin at rest or the plant integrates; the way that leaves less is the one that counts.
+    The records are tried as they are, without their means, which helps where they rest away from 0 and harms where
+    they begin at rest or the plant integrates, and without a line of the output; what leaves least is what counts.
     """
     rows = sum(len(one.output) for one in records)
-    last = min(MOST, min(len(one.output) for one in records) // SHARE)
-    ways = (records, without_means(records))
+    last = delays_tried(records) - 1
+    ways = (records, without_means(records), without_lines(records))
     coarse = [{late: least_miss(each, order, late) for late in range(0, last + 1, COARSE)} for each in ways]
     tried, way = min(zip(coarse, ways, strict=True), key=lambda each: min(each[0].values()))
     left = [tried[late] if late in tried else least_miss(way, order, late) for late in range(last + 1)]
@@ -111,6 +116,22 @@ def _shifted(record: Record, late: int) -> Record:
 def without_means(records: Sequence[Record]) -> list[Record]:
     """Take the mean off both signals of every recording, as `remove_offset` does."""
     return [Record(one.source, one.drive - one.drive.mean(), one.output - one.output.mean()) for one in records]
+
+
+def without_lines(records: Sequence[Record]) -> list[Record]:
+    """Take the input's mean and the output's best straight line off every recording."""
+    return [
+        Record(one.source, one.drive - one.drive.mean(), np.asarray(scipy.signal.detrend(one.output)))
+        for one in records
+    ]
+
+
+def spoiled_by_lines(records: Sequence[Record], order: int, late: int) -> bool:
+    """Tell whether the model leaves much less where the output loses its line, and not only its mean."""
+    line, mean, own = (
+        least_miss(each, order, late) for each in (without_lines(records), without_means(records), records)
+    )
+    return min(mean, own) > WRONG * line
 
 
 def spoiled_by_means(records: Sequence[Record], order: int, late: int) -> bool:

@@ -243,3 +243,40 @@ def test_a_line_over_time_is_told_with_its_size(tmp_path: Path, capsys: pytest.C
     project.write_text(text + 'detrend = ["position_rad"]\n')
     found(project)
     assert "drifts" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("rest", [(0.0, 0.0), (3.0, 7.0)])
+def test_a_drift_is_named_where_taking_the_means_would_leave_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rest: tuple[float, float]
+) -> None:
+    project = left(tmp_path, steps(), 0, 0.01, rest, "")
+    rows = [line.split(",") for line in (tmp_path / "log.csv").read_text().splitlines()[1:]]
+    drifted = [f"{t},{u},{float(y) + 0.1 * float(t)}" for t, u, y in rows]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *drifted]))
+    assert main(["model", str(project), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    advice = 'detrend = ["position_rad"]', 'remove_offset = ["drive_V"]'
+    assert "position_rad drifts by" in said and f"[recordings.conditioning] {' and '.join(advice)}" in said
+    text = project.read_text() + "[recordings.conditioning]\n"
+    project.write_text(text + 'remove_offset = ["drive_V", "position_rad"]\n')
+    found(project)
+    assert "drifts by" in capsys.readouterr().out
+    project.write_text(text + "\n".join(advice))
+    assert found(project)["gain"] == pytest.approx(1.0, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_n4sid_of_noise_alone_is_no_model(tmp_path: Path, capsys: pytest.CaptureFixture[str], seed: int) -> None:
+    project = left(tmp_path, steps(), 0, 0.0, (0.0, 0.0), 'structure = "n4sid"\n')
+    rows = [line.split(",") for line in (tmp_path / "log.csv").read_text().splitlines()[1:]]
+    noise = np.random.default_rng(seed).standard_normal(len(rows))
+    bare = [f"{t},{u},{y:.9g}" for (t, u, _), y in zip(rows, noise, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *bare]))
+    assert main(["model", str(project), "--out", str(tmp_path / "out")]) == 2
+    assert "the output does not answer the input" in capsys.readouterr().err
+
+
+def test_n4sid_says_where_output_error_leaves_less(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    step = np.where(np.arange(1500) > 250, 1.0, 0.0)
+    found(left(tmp_path, step, 0, 0.01, (0.0, 0.0), 'structure = "n4sid"\n'))
+    assert "n4sid leaves 0.01" in (said := capsys.readouterr().out) and "take structure = 'oe'" in said

@@ -17,6 +17,7 @@ from firmloop.identify.bench_tests.blackbox import (
     SampledModel,
     check_answer,
     check_records,
+    companion,
     continuous,
     integrating,
     redrawn,
@@ -25,7 +26,9 @@ from firmloop.identify.bench_tests.blackbox import (
 from firmloop.identify.bench_tests.delay_search import (
     DelaysAlike,
     best_delays,
+    delays_tried,
     rest_of_an_integrator,
+    spoiled_by_lines,
     spoiled_by_means,
 )
 from firmloop.identify.error import IdentifyError
@@ -40,6 +43,7 @@ from firmloop.project.project import Project, require
 from firmloop.project.table import ProjectTable
 from firmloop.stages.bench.model_notes import (
     WHITE,
+    about_drift,
     about_lead,
     about_line,
     about_noise,
@@ -236,7 +240,9 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
                 from_zero = [Record(one.source, one.drive, one.output - one.output[0]) for one in records]
                 again = integrating(STRUCTURES[structure](from_zero, order, late), from_zero)
                 records, sampled = (records, sampled) if unstable(again) else (from_zero, again)
-            check_answer(records, sampled)
+                if unstable(sampled) and spoiled_by_lines(records, order, late):
+                    raise IdentifyError(about_drift(records, project.plant.input, project.plant.outputs[0]))
+            check_answer(structure, records, sampled, delays_tried(records) if searched else 1)
             made = continuous(sampled, period)
         plant = _ode(project, made)
         judged = {
@@ -247,16 +253,28 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
             spread = _spread(structure, records, sampled, period, judged["train"])
     cut = cut_input(project, data.train)
     drive, output = project.plant.input, project.plant.outputs[0]
+    plain = companion(sampled)
     early = about_lead(records, order, drive, output) if found.least == 0 else ""
     about = (
         found_delay(found) if searched else given_delay(records, order, late, found),
-        about_noise(structure, records, order, late),
+        about_noise(structure, records, plain),
         *(about_rest(one, structure) for one in judged["train"] if not early),
-        *(about_line(records, sampled, output) if output not in conditioning_of(project).detrend else ()),
+        *_about_drift(project, records, plain),
         early,
     )
     notes = (*data.notes, *filter(None, about))
     return BlackBox(structure, period, sampled, made, found, plant, judged, spread, cut, notes)
+
+
+def _about_drift(project: Project, records: Sequence[Record], plain: SampledModel) -> Sequence[str]:
+    """Say that an output drifts that was to keep its line: past what the model leaves, or into the model."""
+    assert project.plant is not None
+    drive, output = project.plant.input, project.plant.outputs[0]
+    if output in conditioning_of(project).detrend:
+        return ()
+    if left := about_line(records, plain, output):
+        return left
+    return (about_drift(records, drive, output),) if spoiled_by_lines(records, len(plain.a), plain.late) else ()
 
 
 def _check_means(project: Project, records: Sequence[Record], order: int, late: int) -> None:
@@ -272,6 +290,8 @@ def _check_means(project: Project, records: Sequence[Record], order: int, late: 
             f'0; take that off in [recordings.rename], such as {drive} = {{ name = "{drive}", offset = {-rest:.6g} }}; '
             "the mean is another value, and removing it would harm"
         )
+    if spoiled_by_lines(records, order, late):
+        raise IdentifyError(about_drift(records, drive, output))
     means = [float(np.mean(np.concatenate([getattr(one, part) for one in records]))) for part in ("drive", "output")]
     raise IdentifyError(
         f"{records[0].source}: {drive} and {output} rest away from 0 (their means are {means[0]:.3g} and "

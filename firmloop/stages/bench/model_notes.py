@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -23,26 +24,56 @@ WHITE = 0.01  # least probability of residuals as white as these: else drawing t
 LINE = 0.5  # of the variance of what a model leaves: a line that explains more is a drift
 
 
-def about_noise(structure: str, records: Sequence[Record], order: int, late: int) -> str:
-    """Say where noise that does not pass the plant's poles, as a sensor's does not, pulls an ARX model away."""
-    if structure != "arx":
+def about_noise(structure: str, records: Sequence[Record], model: SampledModel) -> str:
+    """Say where noise that does not pass the plant's poles, as a sensor's does not, pulls a one-step model away."""
+    order, late = len(model.a), model.late
+    if structure == "arx" and miss(least_squares_arx(records, order, late), records) >= PULLED * least_miss(
+        records, order, late
+    ):
+        return (
+            "the noise is the sensor's, which pulls gain and poles of an arx model away, so that simulated past "
+            "outputs stand in for the measured ones; structure = 'oe' is made for such noise"
+        )
+    if structure != "n4sid":
         return ""
-    if miss(least_squares_arx(records, order, late), records) < PULLED * least_miss(records, order, late):
+    own, other = (math.sqrt(miss(each, records)) for each in (model, fit_oe(records, order, late)))
+    if own**2 < PULLED * other**2:
         return ""
     return (
-        "the noise is the sensor's, which pulls gain and poles of an arx model away, so that simulated past outputs "
-        "stand in for the measured ones; structure = 'oe' is made for such noise"
+        f"simulated from the input alone, n4sid leaves {own:.3g} rms, and output error of the same order {other:.3g}: "
+        "gain and poles of n4sid are off by more than noise; take structure = 'oe'"
     )
+
+
+def about_drift(records: Sequence[Record], drive: str, output: str) -> str:
+    """Say that the output drifts, and what takes that off."""
+    lines = [_line(one.output) for one in records]
+    slope, where = max(((float(line.coef[1]), one.source) for line, one in zip(lines, records, strict=True)), key=_size)
+    return (
+        f"{where}: {output} drifts by {2.0 * slope:.3g} from its first row to its last, and a model without that line "
+        "leaves much less: let the plant warm up first, or, if only the zero of the sensor wanders, write "
+        f'[recordings.conditioning] detrend = ["{output}"] and remove_offset = ["{drive}"]; if the plant is that slow, '
+        "raise model.order"
+    )
+
+
+def _size(found: tuple[float, str]) -> float:
+    return abs(found[0])
+
+
+def _line(values: np.ndarray) -> np.polynomial.Polynomial:
+    """Return the best straight line over a place from -1, the first row, to 1, the last."""
+    return np.polynomial.Polynomial.fit(np.linspace(-1.0, 1.0, len(values)), values, 1, [-1.0, 1.0])
 
 
 def about_line(records: Sequence[Record], model: SampledModel, output: str) -> list[str]:
     """Say of which recording a straight line over time explains most of what the model leaves."""
     found = []
     for one, left in zip(records, residuals(model, records), strict=True):
-        place = np.linspace(-1.0, 1.0, len(left))
-        line = np.polynomial.Polynomial.fit(place, left, 1, [-1.0, 1.0])
+        line = _line(left)
         slope = float(line.coef[1])
-        if np.var(left - line(place)) < (1.0 - LINE) * np.var(left) and 2.0 * abs(slope) < np.ptp(one.output):
+        rest = left - line(np.linspace(-1.0, 1.0, len(left)))
+        if np.var(rest) < (1.0 - LINE) * np.var(left) and 2.0 * abs(slope) < np.ptp(one.output):
             found.append(
                 f"what the model leaves of {one.source} drifts by {2.0 * slope:.3g} from its first row to its last: "
                 f"let the plant warm up first, or, if only the zero of the sensor wanders, write "
