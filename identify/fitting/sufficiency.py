@@ -86,6 +86,8 @@ def check_span(
     if slowest is None:
         return
     longest, span = _longest(recordings)
+    if not any(moves(made.target) for windows in recordings for made in windows):
+        raise IdentifyError(f"{longest.source}: {_only_noise(plant)}")
     if slowest > _DRIFTS * span:
         raise IdentifyError(
             f"{longest.source}: the output drifts and does not settle within its {span:.3g} s, so "
@@ -187,6 +189,13 @@ def check_follows(plant: Plant, explained: float, recordings: Sequence[Sequence[
         )
 
 
+def _only_noise(plant: Plant) -> str:
+    return (
+        f"{plant.outputs[0].name} shows nothing but noise while {plant.inputs[0].name} changes; check the wiring, "
+        "drive the plant further, or record longer if it answers that late"
+    )
+
+
 def _misses(plant: Plant, explained: float) -> str:
     return f"{plant.kind} explains only {100.0 * max(explained, 0.0):.2g} % of {plant.outputs[0].name}"
 
@@ -212,10 +221,7 @@ def check_answer(
         )
     told = f"{where}gain cannot be told from 0 (95 % interval {interval[0]:.2g} to {interval[1]:.2g})"
     if not any(moves(made.target) for made in parts):
-        raise IdentifyError(
-            f"{told}: {plant.outputs[0].name} shows nothing but noise while {plant.inputs[0].name} changes; "
-            "check the wiring, drive the plant further, or record longer if it answers that late"
-        )
+        raise IdentifyError(f"{told}: {_only_noise(plant)}")
     if all(np.all(np.diff(made.course.drive[:, 0]) >= 0.0) for made in parts):
         raise IdentifyError(
             f"{told}: {plant.inputs[0].name} only rises, and beside what a {plant.kind} leaves of "

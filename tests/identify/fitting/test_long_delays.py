@@ -55,11 +55,12 @@ def test_a_delay_that_no_recording_holds_is_refused_by_its_name(
     assert "delay_s is given as" in said and "the recording lasts 119.9 s" in said and "rests at" not in said
 
 
+@pytest.mark.parametrize("level", [0.0, 20.0])
 def test_an_output_that_shows_nothing_but_noise_is_not_asked_to_go_up_and_down(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    level: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     random = np.random.default_rng(1)
-    made = project(tmp_path, "first_order", np.where(TIME > 5.0, 1.0, 0.0), 0.1 * random.normal(size=ROWS))
+    made = project(tmp_path, "first_order", np.where(TIME > 5.0, 1.0, 0.0), level + 0.1 * random.normal(size=ROWS))
     assert main(["identify", str(made), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "oven shows nothing but noise while heater changes" in said and "drift" not in said
