@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.unit_marks import no_unit, without_direct
 
 POUND, INCH, FOOT, GRAVITY = 0.45359237, 0.0254, 0.3048, 9.80665
 _TURN = 2 * math.pi
@@ -78,6 +79,9 @@ _PLAIN: dict[str, _Row] = {
     "cfm": (FOOT**3 / 60, (0, 3, -1, 0, 0), 0, 0),
     "atm": (101325.0, (1, -1, -2, 0, 0), 0, 0),
     "mmHg": (133.322387415, (1, -1, -2, 0, 0), 0, 0),
+    "torr": (101325.0 / 760, (1, -1, -2, 0, 0), 0, 0),
+    "hPa": (100.0, (1, -1, -2, 0, 0), 0, 0),
+    "cc": (1e-6, (0, 3, 0, 0, 0), 0, 0),
     "psi": (POUND * GRAVITY / INCH**2, (1, -1, -2, 0, 0), 0, 0),
     "in": (INCH, (0, 1, 0, 0, 0), 0, 0),
     "ft": (FOOT, (0, 1, 0, 0, 0), 0, 0),
@@ -86,21 +90,20 @@ _PLAIN: dict[str, _Row] = {
 }
 _ALSO = {  # other spellings; those of words are compared without regard to capitals
     **dict.fromkeys(("ohm", "ohms"), "\u03a9"),
-    **dict.fromkeys(("volt", "volts", "vdc"), "V"),
-    **dict.fromkeys(("amp", "amps", "ampere", "amperes", "adc"), "A"),
+    **dict.fromkeys(("volt", "volts"), "V"),
+    **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
     **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
     **dict.fromkeys(("minute", "minutes", "mins"), "min"),
     **dict.fromkeys(("hour", "hours", "hr", "hrs"), "h"),
-    **dict.fromkeys(("days",), "day"),
-    **dict.fromkeys(("hertz",), "Hz"),
+    **{"days": "day", "hertz": "Hz"},
     **dict.fromkeys(("watt", "watts"), "W"),
     **dict.fromkeys(("newton", "newtons"), "N"),
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
-    **dict.fromkeys(("henry", "henries"), "H"),
+    **dict.fromkeys(("henry", "henries", "hy"), "H"),
     **dict.fromkeys(("gram", "grams"), "g"),
     **dict.fromkeys(("l", "liter", "liters", "litre", "litres"), "l"),
     **dict.fromkeys(("radian", "radians", "rads"), "rad"),
-    **dict.fromkeys(("revolution", "revolutions", "revs", "turn", "turns", "tr", "umdr"), "rev"),
+    **dict.fromkeys(("revolution", "revolutions", "revs", "turn", "turns", "tr", "umdr", "rot"), "rev"),
     **dict.fromkeys(("degree", "degrees", "\u00b0"), "deg"),
     **dict.fromkeys(("\u00b0c", "celsius"), "degC"),
     **dict.fromkeys(("\u00b0f", "fahrenheit"), "degF"),
@@ -172,6 +175,8 @@ def conversion(unit: str, wanted: str, key: str) -> Conversion:
         naming `key` where the unit is unknown, of another dimension, or fits in two ways.
     """
     goal = _readings(wanted)[0]
+    if said := no_unit(unit):
+        raise IdentifyError(f"{key}: in the unit {unit!r}, {said}")
     found = _readings(unit)
     if not found:
         known = ", ".join((*_PREFIXED, *_PLAIN))
@@ -250,7 +255,7 @@ def _spelled(text: str) -> str:
         for sign, ours in _SIGNS.items():
             plain = plain.replace(sign, ours)
         plain = unicodedata.normalize("NFKC", plain)
-    plain = re.sub(r"(?i)\br\.p\.m\.?", "rpm", plain).replace(" per ", "/")
+    plain = re.sub(r"(?i)\br\.p\.m\.?", "rpm", without_direct(plain)).replace(" per ", "/")
     plain = re.sub(r"(?<![^\W\d_])k\s?min\s*\^?\(?-1\)?", "krpm", plain)  # a thousand a minute, no kilominute
     plain = re.sub(r"(?<![^\W\d_])(k?)(?:r|U|t)(?=/(?:min|s))", r"\1rev", plain)
     plain = re.sub(
@@ -391,5 +396,5 @@ def _stranger(unit: str) -> str:
     return next((word for word in words if not list(_word(word, 1.0, _MOST_SYMBOLS))), unit)
 
 
-_SHOUTED = "min Hz rpm rps rad rev deg hp lb oz lbf ozf in ft slug psi bar mph kph lpm gpm cfm atm"
+_SHOUTED = "min Hz rpm rps rad rev deg hp lb oz lbf ozf in ft slug psi bar mph kph lpm gpm cfm atm torr cc"
 _CAPITALS = {name.lower(): name for name in _SHOUTED.split()}

@@ -16,7 +16,7 @@ MAY_IMPORT = {
 # Inside a package, low to high: what stands beside one another imports nothing of its own floor's other rooms.
 ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
     "identify": (
-        ("error", "extras", "normal", "regular_file", "signal"),
+        ("error", "extras", "normal", "regular_file", "signal", "unit_marks"),
         ("printed_units",),
         ("units",),
         ("plants",),

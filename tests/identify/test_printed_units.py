@@ -102,7 +102,7 @@ PRINTED: dict[str, dict[float, str]] = {
         1e-3: "mohm; m\u2126; m\u03a9; mOhm",
         1e3: "k\u2126; k\u03a9; kohm; kOhm; K\u03a9",
     },
-    "H": {1.0: "H; Henry; V·s/A; Ω·s", 1e-3: "mH; mHenry; mVs/A", 1e-6: "uH; \u00b5H; \u03bcH; \u00b5Henry"},
+    "H": {1.0: "H; Henry; V·s/A; Ω·s", 1e-3: "mH; mHenry; mVs/A; mHy", 1e-6: "uH; \u00b5H; \u03bcH; \u00b5Henry"},
     "F": {1e-6: "uF; \u00b5F; \u03bcF", 1e-9: "nF", 1e-12: "pF"},
     "s": {
         1.0: "s; sec; seconds",
@@ -115,9 +115,16 @@ PRINTED: dict[str, dict[float, str]] = {
     "W": {1.0: "W; watts; V·A; VA; Nm/s; J/s", 745.6998715822702: "hp; HP", 735.49875: "PS", 1e3: "kW"},
     "N": {1.0: "N", LBF: "lbf; lb; lbs", OZF: "ozf; oz", 9.80665: "kgf; kp; kg"},
     "K/W": {1.0: "K/W; °C/W; degC/W; C/W; K W⁻¹; ℃/W", 5 / 9: "°F/W"},
-    "m^3/s": {1.0: "m^3/s; m³/s", 1e-3 / 60: "l/min; liter/min; LPM", 1 / 3600: "m³/h; m3/h"},
+    "m^3/s": {
+        1.0: "m^3/s; m³/s",
+        1e-3 / 60: "l/min; liter/min; LPM",
+        1e-6 / 60: "cc/min; CC/min; ml/min",
+        1 / 3600: "m³/h; m3/h",
+    },
     "m/s": {0.44704: "mph", 1 / 3.6: "km/h; kph"},
-    "Pa": {133.322387415: "mmHg", 101325.0: "atm", 1e5: "bar"},
+    "Pa": {133.322387415: "mmHg", 101325.0: "atm", 1e5: "bar", 100.0: "hPa; mbar", 101325.0 / 760: "Torr"},
+    "V": {1.0: "V; VDC; V DC; Vdc; V d.c.; Volts DC", 1e-3: "mV; mV DC; mVdc"},
+    "A": {1.0: "A; ADC; A DC; Amps DC", 1e-3: "mA; mA DC; mADC"},
     "1": {0.01: "%; percent", 1.0: "1"},
     "Hz": {1.0: "Hz; 1/s; s⁻¹; rev/s", 1e3: "kHz; KHz", 1 / 60: "rpm; 1/min"},
     "m/s^2": {9.80665: "g", 1.0: "m/s²; m/s^2; m s⁻²"},
@@ -167,6 +174,13 @@ def test_a_temperature_has_its_zero(text: str, si: float) -> None:
         ("[V]", "V", "unknown"),
         ("NM", "N*m", "unknown"),  # in capitals mega and milli, newton and nano are one
         ("mNm/√W", "N*m/A", "no N\\*m/A"),
+        ("MA", "A", "a million"),
+        ("MV/RPM", "V*s/rad", "a million"),
+        ("Arms", "A", "how a value was taken"),
+        ("Nm/A rms", "N*m/A", "how a value was taken"),
+        ("Vpp", "V", "how a value was taken"),
+        ("V_eff", "V", "how a value was taken"),
+        ("VAC", "V", "how a value was taken"),
     ],
 )
 def test_a_unit_of_another_dimension_or_none_is_refused(text: str, wanted: str, words: str) -> None:
