@@ -17,8 +17,10 @@ from firmloop.diagnose.model.lost_sign import from_unfolded
 from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
+    CLOSER_RMS,
     FIRM_TO_RUN_AWAY,
     LOST_PARAMETER,
+    MOST_EFFECTS,
     MOVED_FAR,
     ROUND_PATIENCE,
     RUN_AWAY,
@@ -114,11 +116,23 @@ def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
 
 
 def from_balance(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
-    """Fit what a regression of the balance makes of the motion, where the nominal plant misses what is no noise."""
+    """Fit what a regression of the balance makes of the motion, where the nominal plant misses what is no noise.
+
+    More terms at once only where fewer do not come near: one by one is how all else is found.
+    """
     if nominal.fitted.terms or not oversized(nominal.noises):
         return ()
     begins = leads(problem, sensor_noises(nominal.fitted.residuals, problem.floors))
-    return tuple(fit(problem, problem.train, *each, flat(nominal.noises), STEPS_FROM_GIVEN) for each in begins)
+    found: list[Fitted] = []
+    for count in range(1, MOST_EFFECTS + 1):
+        least = CLOSER_RMS**2 * min((each.cost for each in found), default=math.inf)
+        tried = [
+            fit(problem, problem.train, terms, point, flat(nominal.noises), STEPS_FROM_GIVEN)
+            for terms, point in begins
+            if len(terms) == count
+        ]
+        found += [each for each in tried if each.cost < least]
+    return tuple(found)
 
 
 def _folded(problem: Problem, term: LibraryTerm) -> bool:
