@@ -111,11 +111,12 @@ class Regression:
 def leads(problem: Problem, noise: Sequence[float]) -> tuple[tuple[tuple[LibraryTerm, ...], Point], ...]:
     """Return hypotheses, each with where a fit of it begins; none where no motion was recorded.
 
-    `noise` (r,) is the rms of each output.
+    None either where recordings have values of their own, which no balance in common holds. `noise` (r,) is the rms of
+    each output.
     """
     told = {signal.name for signal in problem.plant.outputs}
     balance = next((each for each in problem.plant.balances if each.kind in _MOVING and each.state >= 0), None)
-    if balance is None or not told & {*_SPEEDS, *_PLACES}:
+    if balance is None or problem.plant.varying or not told & {*_SPEEDS, *_PLACES}:
         return ()
     parts = [_motion(problem, balance, recording, noise) for recording in problem.train]
     whole = [each for each in parts if each is not None]
