@@ -179,7 +179,7 @@ def _certain(problem: Problem, fitted: Fitted) -> Fitted:
     while len(fitted.terms) > 1 and (least := doubtful(fitted, noises)) is not None:
         # Whitened edges are traps.
         plainly = [
-            past_kinks(problem, fit(problem, problem.train, *each, flat(noises), STEPS_OF_A_FIT), STEPS_OF_A_FIT)
+            past_kinks(problem, fit(problem, problem.train, *each, flat(noises), STEPS_OF_A_FIT))
             for each in slimmer(problem, fitted, least)
         ]
         slim = nearest(fitted, plainly)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from firmloop.diagnose.data.checks import Preflight
 from firmloop.diagnose.data.quantization import Direct
 from firmloop.diagnose.discrepancy.disturbance import rivals_noise
-from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
+from firmloop.diagnose.discrepancy.locate import worst_spans
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
 from firmloop.diagnose.model.candidate import Candidate, larger, relative, residual_sizes, unseen_residuals, without
 from firmloop.diagnose.model.fit import beside_scale, deviations, fit, fit_starts, noises_of, strength

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.discrepancy.disturbance_smoother import nominal_plant
+from firmloop.diagnose.discrepancy.locate import nominal_plant
 from firmloop.diagnose.finding import Disturbance
 from firmloop.diagnose.model.candidate import rms_of
 from firmloop.diagnose.model.disturbed_plant import followed, groups

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.data.quantization import coarse
-from firmloop.diagnose.discrepancy.disturbance_smoother import as_others, nominal_plant
+from firmloop.diagnose.discrepancy.locate import as_others, nominal_plant
 from firmloop.diagnose.discrepancy.terms import SENSOR, Covariate, NamelessTerm, nameless_terms
 from firmloop.diagnose.model.candidate import Candidate, rms_of, unlikely
+from firmloop.diagnose.model.disturbance_smoother import latent
 from firmloop.diagnose.model.fit import noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, outputs_of
-from firmloop.diagnose.model.latent import latent
 from firmloop.diagnose.model.slopes import residual_of, slopes_of, whitened
 from firmloop.diagnose.policy import (
     CHANCE_GAIN,

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.latent import Latent
+from firmloop.diagnose.model.disturbance_smoother import POSITIONS, SPEEDS, Latent
 from firmloop.diagnose.policy import (
     DRIFT_CYCLES,
     FAR_TO_ONE_SIDE,
@@ -33,8 +33,6 @@ Array = NDArray[np.float64]
 
 SENSOR = "sensor"
 _TURNING = " (per turn)"
-_POSITIONS = ("position_rad", "position_m")
-_SPEEDS = ("speed_rad_s", "speed_m_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +123,8 @@ def nameless_terms(
     plain = [Covariate(name, name in turning, values) for name, values in places.items()]
     # What differs between two directions has few unknowns: it shows where hats are too many.
     plain += [replace(each, bent=True) for each in plain if not each.periodic and _two_sided(each)]
-    position = next((each for each in plain if each.periodic or each.name in _POSITIONS), None)
-    speed = next((places[name] for name in _SPEEDS if name in places), None)
+    position = next((each for each in plain if each.periodic or each.name in POSITIONS), None)
+    speed = next((places[name] for name in SPEEDS if name in places), None)
     pitch = loudest(recordings, residuals)
     if pitch > 0.0:
         times = tuple(recording.time[: len(each.time)] for recording, each in zip(recordings, seen, strict=True))
@@ -190,7 +188,7 @@ def _coordinates(plant: Plant, recording: Recording, seen: Latent) -> Mapping[st
     moved = _simulated_states(plant, bare, recording)[:rows]
     table: dict[str, Array] = {}
     for index, signal in enumerate(plant.states):
-        drifts = signal.name in _POSITIONS and not np.any(bare.a[:, index])
+        drifts = signal.name in POSITIONS and not np.any(bare.a[:, index])
         values = seen.states[:, index] if drifts else moved[:, index]
         table[f"{signal.name}{_TURNING}" if signal.name == "position_rad" else signal.name] = values
     known = {signal.name for signal in plant.states}

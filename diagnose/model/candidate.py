@@ -159,7 +159,7 @@ def by_simulation_error(problem: Problem, begin: Fitted, beside: Array | None = 
             left = beside * np.sqrt(np.mean((left / beside) ** 2))
         sizes = [white(float(rms)) for rms in left]
         fitted = fit(problem, problem.train, fitted.terms, fitted.point, sizes, STEPS_OF_A_FIT)
-    return past_kinks(problem, fitted, STEPS_OF_A_FIT)
+    return past_kinks(problem, fitted)
 
 
 def clearly_nearer(one: Fitted, other: Fitted) -> bool:

@@ -59,6 +59,11 @@ class Place:
         return self.cost + self.pull
 
     @property
+    def least(self) -> float:
+        """The least decrease that is worth a step."""
+        return max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * self.cost)
+
+    @property
     def finite(self) -> bool:
         """Whether no simulation has diverged."""
         return not any(np.any(np.isnan(part)) for part in self.residuals)
@@ -237,8 +242,7 @@ def descended(squares: SumOfSquares, begin: Point, steps: int, patience: float =
             break
         slopes = begun or squares.slopes(place, own or squares.start_slopes(place.point, exact=True))
         normal, begun, lower = squares.normal(slopes), None, None
-        pulled = squares.descent(slopes, place)
-        least = max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost)
+        pulled, least = squares.descent(slopes, place), place.least
         while damping > UNDAMPED and squares.step(normal, pulled, damping, place.point)[1] < least:
             damping /= LITTLE_DAMPING
         for _ in range(tries):
@@ -274,11 +278,12 @@ def past_kink(squares: SumOfSquares, place: Place) -> Place | None:
     """
     slopes, damping = squares.slopes_across(place), FIRST_DAMPING
     normal, pulled = squares.normal(slopes), squares.descent(slopes, place)
-    least = max(LEAST_DECREASE, LEAST_RELATIVE_DECREASE * place.cost)
     for _ in range(DAMPINGS):
         step, promise = squares.step(normal, pulled, damping, place.point)
-        lower = None if promise < least else _lower(squares, place, slopes, normal, damping, step)
-        if promise < least or (lower is not None and place.whole - lower.whole > least):
+        if promise < place.least:
+            break
+        lower = _lower(squares, place, slopes, normal, damping, step)
+        if lower is not None and place.whole - lower.whole > place.least:
             return lower
         damping *= REFUSED_DAMPING
     return None

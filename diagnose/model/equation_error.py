@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.hypothesis import PHASE, LibraryTerm, Point, Problem, entered, first_point
-from firmloop.diagnose.model.latent import latent
+from firmloop.diagnose.model.disturbance_smoother import POSITIONS, SPEEDS, latent
+from firmloop.diagnose.model.hypothesis import PHASE, LibraryTerm, Point, Problem, entered, first_point, waved
 from firmloop.diagnose.policy import LEADS, MOST_EFFECTS, STANDSTILL
 from firmloop.identify.plants.attach import site_of
 from firmloop.identify.plants.plant import Balance, Plant
@@ -27,7 +27,6 @@ from firmloop.identify.simulation.simulate import constants_of, course_of
 Array = NDArray[np.float64]
 
 _MOVING = ("torque", "force")
-_SPEEDS, _PLACES = ("speed_rad_s", "speed_m_s"), ("position_rad", "position_m")
 
 
 class Regressor(NamedTuple):
@@ -44,11 +43,9 @@ class Regressor(NamedTuple):
 
     def sized(self, factors: Array) -> Mapping[str, float]:
         """Return the start times a factor, or of a wave times that and the one of its quadrature."""
-        size, *phase = self.term.keys
-        if not phase:
-            return {size: float(factors[0]) * self.start[size]}
-        turned = self.start[phase[0]] + math.atan2(factors[1], factors[0])
-        return {size: float(np.hypot(*factors)) * self.start[size], phase[0]: turned}
+        if len(self.places) > 1:
+            return waved(self.term, self.start, factors)
+        return {key: float(factors[0]) * value for key, value in self.start.items()}
 
 
 class Motion(NamedTuple):
@@ -116,30 +113,35 @@ def leads(problem: Problem, noise: Sequence[float]) -> tuple[tuple[tuple[Library
     """
     told = {signal.name for signal in problem.plant.outputs}
     balance = next((each for each in problem.plant.balances if each.kind in _MOVING and each.state >= 0), None)
-    if balance is None or problem.plant.varying or not told & {*_SPEEDS, *_PLACES}:
+    if balance is None or balance.effort is None or problem.plant.varying or not told & {*SPEEDS, *POSITIONS}:
         return ()
-    parts = [_motion(problem, balance, recording, noise) for recording in problem.train]
+    at = tuple(ca.SX.sym(f"p{k}", problem.plant.rate.numel_in(k)) for k in range(3))
+    rate = problem.plant.rate(*at)[balance.state]
+    rates = ca.Function("rates", at, [ca.vertcat(balance.effort(*at), rate, ca.jacobian(rate, at[2]).T)])
+    parts = [_motion(problem, balance, rates, recording, noise) for recording in problem.train]
     whole = [each for each in parts if each is not None]
     if len(whole) < len(parts):
         return ()
-    made = _regression(
-        problem, balance, Motion(*map(np.concatenate, zip(*whole, strict=True))), bool(told & {*_PLACES})
-    )
+    motion = Motion(*map(np.concatenate, zip(*whole, strict=True)))
+    made = _regression(problem, balance, motion, bool(told & {*POSITIONS}))
     return tuple(_begun(problem, balance, made, laws) for laws in made.led())
 
 
-def _motion(problem: Problem, balance: Balance, recording: Recording, noise: Sequence[float]) -> Motion | None:
-    """Return the rows of a recording; None where nothing can be smoothed."""
+def _motion(
+    problem: Problem, balance: Balance, rates: ca.Function, recording: Recording, noise: Sequence[float]
+) -> Motion | None:
+    """Return the rows of a recording; None where nothing can be smoothed.
+
+    `rates` of (x, u, p) are what the drive gives, the nominal acceleration, and its slopes for all parameters.
+    """
     plant = problem.plant
     seen = latent(plant, recording, noise)
-    if seen is None or balance.effort is None:
+    if seen is None:
         return None
     constants, free = _nominal(plant)
     x, drive = seen.states, course_of(plant, recording).drive[: len(seen.time)]
-    at = tuple(ca.SX.sym(f"p{k}", plant.rate.numel_in(k)) for k in range(3))
-    rate = plant.rate(*at)[balance.state]
-    told = ca.Function("told", at, [ca.vertcat(balance.effort(*at), rate, ca.jacobian(rate, at[2]).T)]).map(len(x))
-    load, nominal, *slopes = np.asarray(told(x.T, drive.T, np.tile(constants[:, None], len(x))))
+    told = rates.map(len(x))(x.T, drive.T, np.tile(constants[:, None], len(x)))
+    load, nominal, *slopes = np.asarray(told)
     position = x[:, balance.position] if balance.position >= 0 else np.zeros(len(x))
     missing = np.gradient(x[:, balance.state], seen.time) - nominal
     return Motion(x[:, balance.state], position, load, missing, np.stack(slopes, axis=1)[:, free] * constants[free])

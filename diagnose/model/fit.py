@@ -21,6 +21,7 @@ from firmloop.diagnose.policy import (
     LAST_STEPS,
     SAME_CONSTANT,
     SETTLED_START,
+    STEPS_OF_A_FIT,
     UNSEEN,
 )
 from firmloop.identify.fitting.noise import ORDERS, Noise, bounded, fit_noise
@@ -80,14 +81,18 @@ def fit(
     return Fitted(tuple(terms), unknowns, place.point, place.residuals, place.cost, tuple(noises), normal)
 
 
-def past_kinks(problem: Problem, fitted: Fitted, steps: int) -> Fitted:
+def squares_of(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> SumOfSquares:
+    """Return what a fit lowers on train, whitened by `noises` and tied to what is known beforehand."""
+    unknowns = fitted.coordinates
+    return SumOfSquares(problem, problem.train, unknowns, noises, tethers(problem, unknowns))
+
+
+def past_kinks(problem: Problem, fitted: Fitted) -> Fitted:
     """Go on with a fit that has ended on the sharp floor of a valley, as long as slopes across that lead down."""
-    squares = SumOfSquares(
-        problem, problem.train, fitted.coordinates, fitted.noises, tethers(problem, fitted.coordinates)
-    )
+    squares = squares_of(problem, fitted, fitted.noises)
     place, normal, until = squares.at(fitted.point), fitted.normal, problem.engine.steps + FIT_PATIENCE
     while problem.engine.steps < until and (lower := past_kink(squares, place)) is not None:
-        place, normal = descended(squares, lower.point, steps)
+        place, normal = descended(squares, lower.point, STEPS_OF_A_FIT)
     return replace(fitted, point=place.point, residuals=place.residuals, cost=place.cost, normal=normal)
 
 
@@ -99,7 +104,7 @@ def ended(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
     deviations are the largest that any of them tells.
     """
     unknowns, count = fitted.coordinates, len(fitted.coordinates)
-    squares = SumOfSquares(problem, problem.train, unknowns, noises, tethers(problem, unknowns))
+    squares = squares_of(problem, fitted, noises)
     place, normal = near_given(squares, squares.at(fitted.point)), fitted.normal
     told = [variances(normal, count)]
     for _ in range(LAST_STEPS):
@@ -123,8 +128,7 @@ def ended(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
 
 def cost_at(problem: Problem, fitted: Fitted, point: Point, noises: Sequence[Noise]) -> float:
     """Return the cost of a fit's hypothesis at another point, tied to what is known beforehand."""
-    unknowns = fitted.coordinates
-    return SumOfSquares(problem, problem.train, unknowns, noises, tethers(problem, unknowns)).at(point).whole
+    return squares_of(problem, fitted, noises).at(point).whole
 
 
 def moved(problem: Problem, fitted: Fitted, step: Array) -> Point:

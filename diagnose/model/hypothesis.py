@@ -282,6 +282,14 @@ def waves(terms: Iterable[LibraryTerm]) -> list[tuple[str, str]]:
     return [(term.keys[0], term.keys[1]) for term in terms if len(term.keys) == 2 and term.keys[1].endswith(PHASE)]
 
 
+def waved(term: LibraryTerm, start: Mapping[str, float], shares: Array) -> Mapping[str, float]:
+    """Return a start with the size and phase that `shares` of a wave and of that a quarter turn on add up to."""
+    size, phase = term.keys[0], next(key for key in start if key.endswith(PHASE))
+    most, least = term.parameters[0].high, term.parameters[0].low
+    large = min(max(start[size] * float(np.hypot(*shares)), least), most)
+    return {**start, size: large, phase: start[phase] + float(np.arctan2(shares[1], shares[0]))}
+
+
 def stepped(terms: Sequence[LibraryTerm], unknowns: Sequence[Unknown], here: Array, step: Array) -> Array:
     """Return coordinates (k,) a step away; a wave of known period goes by what the step does to its two quadratures.
 

@@ -15,9 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.disturbed_plant import sensors_remember
-from firmloop.diagnose.model.fit import Fitted, inverse, strength, tethers, widened
+from firmloop.diagnose.model.fit import Fitted, inverse, squares_of, strength, widened
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, searched
 from firmloop.diagnose.model.slopes import start_slopes, whitened
 from firmloop.diagnose.policy import (
@@ -107,7 +106,7 @@ def with_pushes(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fi
     unknowns = fitted.coordinates
     if not colored(noises) or not unknowns or sensors_remember(problem, fitted.point.values, fitted.residuals):
         return fitted
-    squares = SumOfSquares(problem, problem.train, unknowns, fitted.noises, tethers(problem, unknowns))
+    squares = squares_of(problem, fitted, fitted.noises)
     place = squares.at(fitted.point)
     if not place.finite:
         return fitted

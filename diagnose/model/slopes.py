@@ -60,17 +60,15 @@ def slopes_of(
     own = start_slopes(problem, recording, point, index) if own is None else own
     slopes = np.zeros((*residual.shape, len(unknowns)))
     for place, each in enumerate(unknowns):
-        value = point.values.get(each.name, problem.engine.neutral[each.name])
-        inside = each.inner(value) + each.step * (1.0 if each.logarithmic else max(abs(value) / each.scale, 0.01))
+        value = _value(problem, point, each)
+        inside = each.inner(value) + each.step * _share(each, value)
         moved = each.outer(inside)
         if not moved > value:  # at its upper bound
             moved = each.outer(2.0 * each.inner(value) - inside)
         change = each.inner(moved) - each.inner(value)
         if change != 0.0:
-            near = Point({**point.values, each.name: moved}, point.starts)
-            slopes[..., place] = (residual - residual_of(problem, recording, near, index)) / change
-    whole: Array = np.concatenate([slopes, own], axis=2)
-    return np.asarray(np.nan_to_num(whole, nan=0.0, posinf=0.0, neginf=0.0))
+            slopes[..., place] = (residual - _moved(problem, recording, point, index, each, moved)) / change
+    return _finite(slopes, own)
 
 
 def slopes_across(
@@ -79,19 +77,34 @@ def slopes_across(
     """Return the same by central quotients that take in either side of a kink: the mean of the slopes there."""
     slopes = np.zeros((*outputs_of(problem, recording).shape, len(unknowns)))
     for place, each in enumerate(unknowns):
-        value = point.values.get(each.name, problem.engine.neutral[each.name])
-        wide = min(ACROSS_KINKS * each.step, ROUGH_DIFFERENCE_STEP)
-        inside, wide = each.inner(value), wide * (1.0 if each.logarithmic else max(abs(value) / each.scale, 0.01))
-        ends = [each.outer(inside + side * wide) for side in (1.0, -1.0)]
+        value = _value(problem, point, each)
+        wide = min(ACROSS_KINKS * each.step, ROUGH_DIFFERENCE_STEP) * _share(each, value)
+        ends = [each.outer(each.inner(value) + side * wide) for side in (1.0, -1.0)]
         change = each.inner(ends[0]) - each.inner(ends[1])
         if change != 0.0:
-            above, below = (
-                residual_of(problem, recording, Point({**point.values, each.name: end}, point.starts), index)
-                for end in ends
-            )
+            above, below = (_moved(problem, recording, point, index, each, end) for end in ends)
             slopes[..., place] = (below - above) / change
-    whole: Array = np.concatenate([slopes, own], axis=2)
-    return np.asarray(np.nan_to_num(whole, nan=0.0, posinf=0.0, neginf=0.0))
+    return _finite(slopes, own)
+
+
+def _value(problem: Problem, point: Point, each: Unknown) -> float:
+    """Return the value of an unknown at a point."""
+    return point.values.get(each.name, problem.engine.neutral[each.name])
+
+
+def _share(each: Unknown, value: float) -> float:
+    """Return what a step of an unknown at a value is a share of, in its coordinate."""
+    return 1.0 if each.logarithmic else max(abs(value) / each.scale, 0.01)
+
+
+def _moved(problem: Problem, recording: Recording, point: Point, index: int, each: Unknown, value: float) -> Array:
+    """Return what is left (n, r) where one unknown has another value."""
+    return residual_of(problem, recording, Point({**point.values, each.name: value}, point.starts), index)
+
+
+def _finite(slopes: Array, own: Array) -> Array:
+    """Return slopes for coordinates, and those for an initial state beside them, with nothing that has diverged."""
+    return np.asarray(np.nan_to_num(np.concatenate([slopes, own], axis=2), nan=0.0, posinf=0.0, neginf=0.0))
 
 
 def start_slopes(problem: Problem, recording: Recording, point: Point, index: int, exact: bool = False) -> Array:

@@ -61,9 +61,9 @@ def evidence_of(search: Search) -> Gained:
     if count:
         loudest = max(float(np.max(factors)) ** 2 for factors in _louder(search))
         bound = _bound(_most(problem), share * _likelier(search) / loudest, count)
-    # Below the least that draws can tell, none would say more; and motion that is no noise cannot be drawn as such.
-    drawn = bound >= least and not oversized(nominal.noises)
-    p_value = _by_draws(search, share, max(count, 1)) if drawn else bound if bound < least else None
+    p_value: float | None = bound
+    if bound >= least:  # below it, draws would say no more; and motion that is no noise cannot be drawn as such
+        p_value = None if oversized(nominal.noises) else _by_draws(search, share, max(count, 1))
     return Gained("BIC", gain, None if p_value is None else min(max(p_value, least), 1.0), library)
 
 

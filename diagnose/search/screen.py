@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import unlikely
 from firmloop.diagnose.model.fit import Fitted
-from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, waved
 from firmloop.diagnose.model.slopes import residual_of, slopes_of, whitened
 from firmloop.diagnose.policy import LINEAR_SHARE, OPPOSITE_SIZE, PARALLEL, SCREEN_PATIENCE, SMALL_GRID
 from firmloop.identify.fitting.noise import Noise
@@ -201,7 +201,7 @@ def _judge(term: LibraryTerm, start: Mapping[str, float], secants: Secants, unde
     if size == 0.0 or not np.all(live):
         return Screened(term, gain, start, share)
     shares = np.asarray(np.linalg.lstsq(pure, under.left, rcond=None)[0], dtype=np.float64)
-    begin = _waved(term, start, shares) if len(secants) == 2 else _shrunk(term, start, float(shares[0]))
+    begin = waved(term, start, shares) if len(secants) == 2 else _shrunk(term, start, float(shares[0]))
     return Screened(term, gain, begin, share, begin[term.keys[0]] / size)
 
 
@@ -213,14 +213,6 @@ def _shrunk(term: LibraryTerm, start: Mapping[str, float], share: float) -> Mapp
 def _times(term: LibraryTerm, start: Mapping[str, float], share: float) -> Mapping[str, float]:
     """Return a start of a share of its size."""
     return {**start, term.keys[0]: start[term.keys[0]] * share}
-
-
-def _waved(term: LibraryTerm, start: Mapping[str, float], shares: Array) -> Mapping[str, float]:
-    """Return a start with the size and phase that `shares` of a wave and of that a quarter turn on add up to."""
-    size, phase = term.keys[0], next(key for key in start if key.endswith(".phase_rad"))
-    most, least = term.parameters[0].high, term.parameters[0].low
-    large = min(max(start[size] * float(np.hypot(*shares)), least), most)
-    return {**start, size: large, phase: start[phase] + float(np.arctan2(shares[1], shares[0]))}
 
 
 def _signed(term: LibraryTerm) -> bool:

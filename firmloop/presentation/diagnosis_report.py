@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.discrepancy.disturbance import balance_unit
-from firmloop.diagnose.discrepancy.disturbance_smoother import nominal_plant
+from firmloop.diagnose.discrepancy.locate import nominal_plant
+from firmloop.diagnose.model.disturbance_smoother import Latent, latent
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
-from firmloop.diagnose.model.latent import Latent, latent
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import IMPOSSIBLE
 from firmloop.identify.normal import NORMAL_95

@@ -48,17 +48,23 @@ def about_noise(structure: str, records: Sequence[Record], model: SampledModel) 
 def about_drift(records: Sequence[Record], drive: str, output: str) -> str:
     """Say that the output drifts, and what takes that off."""
     lines = [_line(one.output) for one in records]
-    slope, where = max(((float(line.coef[1]), one.source) for line, one in zip(lines, records, strict=True)), key=_size)
+    slopes = [(float(line.coef[1]), one.source) for line, one in zip(lines, records, strict=True)]
+    slope, where = max(slopes, key=lambda each: abs(each[0]))
     return (
-        f"{where}: {output} drifts by {2.0 * slope:.3g} from its first row to its last, and a model without that line "
-        "leaves much less: let the plant warm up first, or, if only the zero of the sensor wanders, write "
-        f'[recordings.conditioning] detrend = ["{output}"] and remove_offset = ["{drive}"]; if the plant is that slow, '
-        "raise model.order"
+        f"{where}: {output} {_drifts(slope)}, and a model without that line leaves much less: {_without_line(output)} "
+        f'and remove_offset = ["{drive}"]; if the plant is that slow, raise model.order'
     )
 
 
-def _size(found: tuple[float, str]) -> float:
-    return abs(found[0])
+def _drifts(slope: float) -> str:
+    return f"drifts by {2.0 * slope:.3g} from its first row to its last"
+
+
+def _without_line(output: str) -> str:
+    return (
+        "let the plant warm up first, or, if only the zero of the sensor wanders, write "
+        f'[recordings.conditioning] detrend = ["{output}"]'
+    )
 
 
 def _line(values: np.ndarray) -> np.polynomial.Polynomial:
@@ -74,11 +80,7 @@ def about_line(records: Sequence[Record], model: SampledModel, output: str) -> l
         slope = float(line.coef[1])
         rest = left - line(np.linspace(-1.0, 1.0, len(left)))
         if np.var(rest) < (1.0 - LINE) * np.var(left) and 2.0 * abs(slope) < np.ptp(one.output):
-            found.append(
-                f"what the model leaves of {one.source} drifts by {2.0 * slope:.3g} from its first row to its last: "
-                f"let the plant warm up first, or, if only the zero of the sensor wanders, write "
-                f'[recordings.conditioning] detrend = ["{output}"]'
-            )
+            found.append(f"what the model leaves of {one.source} {_drifts(slope)}: {_without_line(output)}")
     return found
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from firmloop.diagnose.model.disturbance_smoother import latent
 from firmloop.diagnose.model.disturbed_plant import tracker
-from firmloop.diagnose.model.latent import latent
 from firmloop.diagnose.policy import QUICK_WALK
 from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.recording import make_recording

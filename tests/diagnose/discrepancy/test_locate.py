@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from firmloop.diagnose.discrepancy.disturbance import disturbances
-from firmloop.diagnose.discrepancy.disturbance_smoother import worst_spans
+from firmloop.diagnose.discrepancy.locate import worst_spans
 from firmloop.diagnose.model.candidate import Candidate
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import first_point

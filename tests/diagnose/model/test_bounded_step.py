@@ -14,8 +14,8 @@ from firmloop.diagnose.model.bounded_step import solved, solved_within
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import Point, entered, first_point
 from firmloop.identify.fitting.noise import white
+from tests.diagnose.arm import MOTOR, NOISE, PULL, hung
 from tests.diagnose.cases import problem_of
-from tests.diagnose.model.test_scale_of_torques import MOTOR, NOISE, PULL, hung
 
 
 def test_two_that_trade_with_each_other_meet_a_bound() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from firmloop.diagnose.model.equation_error import leads
+from tests.diagnose.arm import MOTOR, NOISE, PULL, hung
 from tests.diagnose.cases import problem_of, said_of
-from tests.diagnose.model.test_scale_of_torques import MOTOR, NOISE, PULL, hung
 
 FRICTION = 0.4 * PULL
 

@@ -14,40 +14,8 @@ from firmloop.diagnose.model.fit import deviations, strength
 from firmloop.diagnose.model.hypothesis import Point, coordinates, entered, first_point, stepped
 from firmloop.diagnose.model.scale_doubt import interval_of
 from firmloop.identify.normal import NORMAL_95
-from tests.diagnose.cases import Motor, diagnosis, logged, motion, problem_of, refitted
-
-MOTOR = Motor(resistance=2.0, inductance=1e-3, constant=0.05, inertia=2e-4, friction=1e-4)
-PULL = 0.02  # N m, of the arm's weight
-NOISE = 1e-3  # rad
-PROJECT = """schema = 1
-name = "arm"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "dc_motor"
-input = "voltage_V"
-outputs = ["position_rad"]
-[plant.parameters]
-R_ohm = { value = 2.2, free = true }
-L_H = { value = 0.001, free = false }
-ke_V_s_rad = { value = 0.052, free = true }
-kt_N_m_A = { value = 0.052, free = true }
-J_kg_m2 = { value = 1.5e-4, free = true }
-b_N_m_s_rad = { value = 1e-4, free = true }
-"""
-
-
-def hung(folder: Path, volts: float, seconds: float, phase: float = 0.0, friction: float = 0.0, seed: int = 5) -> Path:
-    """Write the project of an arm on a motor, each voltage held for 0.4 s; it hangs at zero if `phase` is zero."""
-    step, rng = 0.004, np.random.default_rng(seed)
-    drive = np.repeat(rng.uniform(-volts, volts, round(seconds / 0.4)), 100)
-
-    def pull(angle: float, speed: float) -> float:
-        return PULL * math.sin(angle + phase) + friction * math.tanh(speed / 0.01)
-
-    angle, _ = motion(MOTOR, drive, step, pull)
-    read = angle + NOISE * rng.standard_normal(len(drive))
-    return logged(folder, PROJECT, "time_s,voltage_V,position_rad", step * np.arange(len(drive)), drive, read)
+from tests.diagnose.arm import MOTOR, NOISE, PULL, hung
+from tests.diagnose.cases import diagnosis, problem_of, refitted
 
 
 def test_the_pull_on_an_arm_is_certain_however_little_is_known_of_the_scale(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Locate a mismatch: the plant a smoother follows it with, and the spans where the nominal plant fits worst."""
+"""Locate a mismatch: what a smoother is to follow, and the spans where the nominal plant fits worst."""
 
 from __future__ import annotations
 

@@ -16,6 +16,9 @@ from firmloop.identify.simulation.simulate import course_of, measured
 
 Array = NDArray[np.float64]
 
+POSITIONS = ("position_rad", "position_m")
+SPEEDS = ("speed_rad_s", "speed_m_s")
+
 
 @dataclass(frozen=True, slots=True)
 class Latent:
