@@ -22,7 +22,15 @@ from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.found import Progress, Search
-from firmloop.diagnose.search.harmless import EVERYWHERE, FIRST, harmless, held, plain_refit, simulated_figures
+from firmloop.diagnose.search.harmless import (
+    EVERYWHERE,
+    FIRST,
+    Simulations,
+    harmless,
+    held,
+    plain_refit,
+    simulated_figures,
+)
 from firmloop.diagnose.search.held_out import holding, told
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.run_to_run import differing
@@ -92,7 +100,8 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     whole, later = held(train, hold), held(test, hold)
     refit = plain_refit(made.search, plant, whole)
     progress(0.9, "simulating what is left out of the fit")
-    kept, crossed, safe = holding(made.search, refit, whole)
+    plain = Simulations(refit, whole)
+    kept, crossed, safe = holding(made.search, plain)
     problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem
     found = replace(made.search if kept is None else kept, problem=replace(made.search.problem, test=problem.test))
     same = kept is None or kept.best.fitted.terms == made.search.best.fitted.terms
@@ -108,19 +117,22 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     written = improved_plant(found, found.best) if explained else refit
     if apart is not None and not (explained and _one(found, apart)):
         raise IdentifyError(apart.says)
+    freely = {"train": {"before": Simulations(plant, whole), "refit": plain, "after": Simulations(written, whole)}}
+    if later:
+        freely["test"] = {name: Simulations(each.plant, later) for name, each in freely["train"].items()}
     if explained:
         # What was kept as safe harms no simulation of train that begins where all its readings say.
-        begins = FIRST if safe else EVERYWHERE
-        safe_in = {"train": harmless(written, refit, whole, begins), "test": harmless(written, refit, later)}
-        harmed = [name for name, each in safe_in.items() if not each]
+        begins = {"train": FIRST if safe else EVERYWHERE, "test": EVERYWHERE}
+        harmed = [role for role, each in freely.items() if not harmless(each["after"], each["refit"], begins[role])]
         if harmed:
             finding, written = withheld(finding, harmed[0]), refit
-    plants = {"before": plant, "refit": refit, "after": written}
-    figures = simulated_figures(plants, {"train": whole, "test": later})
+    if written is refit:
+        freely = {role: {**each, "after": each["refit"]} for role, each in freely.items()}
+    figures = simulated_figures(freely)
     if crossed:
         figures = {**figures, "cross": {name: _crossed(each, explained) for name, each in crossed.items()}}
     shown = None if explained else refit
-    own = differing(written, whole, refit=not explained and finding.verdict == "unknown_physics")
+    own = differing(freely["train"]["after"], refit=not explained and finding.verdict == "unknown_physics")
     finding = _measured(finding, found, shown, shape, figures, own)
     return Diagnosis(finding, found, unnamed if not explained else None, written)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ EVERYWHERE: tuple[Start, ...] = (own_start, *TOLD)
 def plain_refit(found: Search, plant: Plant, train: Sequence[Recording]) -> Plant:
     """Return the plant that `identify` would write of recordings; the search's where it would not, or that diverges."""
     other = improved_plant(found, found.nominal)
-    if not np.all(np.isfinite(simulation_rms(other, train))):
+    if not np.all(np.isfinite(Simulations(other, train).rms())):
         return other
     whole = all(
         one.columns is seen.columns and one.time is seen.time and one.hold == seen.hold
@@ -58,40 +58,56 @@ def as_identified(plant: Plant, train: Sequence[Recording]) -> Plant | None:
         return None
 
 
-def simulation_rms(plant: Plant, recordings: Sequence[Recording], begin: Start = own_start) -> Array:
-    """Return the rms (recordings, r) of measured - simulated, from the input alone; infinite if it fails.
+@dataclass(frozen=True, slots=True)
+class Simulations:
+    """A plant simulated freely, its input alone known, beside recordings; what was simulated once is kept."""
 
-    From rest, as `firmloop simulate` does it, unless it is to `begin` elsewhere.
-    """
-    found = np.full((len(recordings), len(plant.outputs)), np.inf)
-    for k, recording in enumerate(recordings):
-        try:
-            start = begin(plant, recording, constants_of(plant))
-            left = measured(plant, recording) - simulate(plant, recording, start)
-        except IdentifyError:
-            continue
-        found[k] = np.sqrt(np.mean(left**2, axis=0))
-    return found
+    plant: Plant
+    recordings: Sequence[Recording]
+    known: dict[Start, tuple[tuple[Array | None, ...], Array]] = field(default_factory=dict)
+
+    def starts(self, begin: Start) -> tuple[Array | None, ...]:
+        """Return the initial state (n,) of each recording; None where it cannot be simulated from one."""
+        return self._made(begin)[0]
+
+    def rms(self, begin: Start = own_start) -> Array:
+        """Return the rms (recordings, r) of measured - simulated; infinite if it fails.
+
+        From rest, as `firmloop simulate` does it, unless it is to `begin` elsewhere.
+        """
+        return self._made(begin)[1]
+
+    def overall_rms(self, begin: Start = own_start) -> Array:
+        """Return the rms (r,) of all recordings together; infinite where one fails."""
+        weights = np.array([len(each.time) for each in self.recordings], dtype=np.float64)
+        return np.asarray(np.sqrt(weights @ self.rms(begin) ** 2 / weights.sum()))
+
+    def from_starts(self, starts: Sequence[Start] = TOLD) -> Array:
+        """Return the rms (starts, recordings, r) of simulations that begin in several ways.
+
+        At rest and where the readings say, as a recording may begin in motion. At rest, too, a place is where all its
+        readings say: the noise of the first alone is no property of a plant.
+        """
+        return np.stack([self.rms(begin) for begin in starts])
+
+    def _made(self, begin: Start) -> tuple[tuple[Array | None, ...], Array]:
+        if begin not in self.known:
+            constants, starts = constants_of(self.plant), list[Array | None]([None] * len(self.recordings))
+            rms = np.full((len(self.recordings), len(self.plant.outputs)), np.inf)
+            for k, recording in enumerate(self.recordings):
+                try:
+                    start = begin(self.plant, recording, constants)
+                    left = measured(self.plant, recording) - simulate(self.plant, recording, start)
+                except IdentifyError:
+                    continue
+                starts[k], rms[k] = start, np.sqrt(np.mean(left**2, axis=0))
+            self.known[begin] = (tuple(starts), rms)
+        return self.known[begin]
 
 
-def overall_rms(plant: Plant, recordings: Sequence[Recording], begin: Start = own_start) -> Array:
-    """Return the rms (r,) of all recordings together; infinite where one fails."""
-    weights = np.array([len(each.time) for each in recordings], dtype=np.float64)
-    return np.asarray(np.sqrt(weights @ simulation_rms(plant, recordings, begin) ** 2 / weights.sum()))
-
-
-def harmless(plant: Plant, refit: Plant, recordings: Sequence[Recording], starts: Sequence[Start] = EVERYWHERE) -> bool:
+def harmless(written: Simulations, refit: Simulations, starts: Sequence[Start] = EVERYWHERE) -> bool:
     """Tell whether a plant simulates every output of every recording no worse than the refit, wherever it begins."""
-    return no_worse(from_starts(plant, recordings, starts), from_starts(refit, recordings, starts))
-
-
-def from_starts(plant: Plant, recordings: Sequence[Recording], starts: Sequence[Start] = TOLD) -> Array:
-    """Return the rms (starts, recordings, r) of simulations that begin in several ways.
-
-    At rest and where the readings say, as a recording may begin in motion. At rest, too, a place is where all its
-    readings say: the noise of the first alone is no property of a plant.
-    """
-    return np.stack([simulation_rms(plant, recordings, begin) for begin in starts])
+    return no_worse(written.from_starts(starts), refit.from_starts(starts))
 
 
 def no_worse(rms: Array, refit: Array) -> bool:
@@ -124,15 +140,16 @@ def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:
 
 
 def simulated_figures(
-    plants: Mapping[str, Plant], parts: Mapping[str, Sequence[Recording]]
+    parts: Mapping[str, Mapping[str, Simulations]],
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Return {role: {output: {plant: rms}}} of free simulations, in the outputs' units; not of those that diverge."""
+    """Return {role: {output: {plant: rms}}} of free simulations, in the outputs' units; not of those that diverge.
+
+    `parts` are the plants by their names, by role.
+    """
     found: dict[str, dict[str, dict[str, float]]] = {}
-    for role, recordings in parts.items():
-        if not recordings:
-            continue
-        for name, plant in plants.items():
-            for signal, size in zip(plant.outputs, overall_rms(plant, recordings), strict=True):
+    for role, plants in parts.items():
+        for name, each in plants.items():
+            for signal, size in zip(each.plant.outputs, each.overall_rms(), strict=True):
                 if np.isfinite(size):
                     found.setdefault(role, {}).setdefault(signal.name, {})[name] = float(size)
     return found

@@ -24,14 +24,12 @@ from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
 from firmloop.diagnose.policy import CLOSER_RMS, LEVELLED_WITHIN, NEARER_RMS, SAME_RMS, SHAPE_SHARE, WIDER_RMS
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.found import Search, as_near, near_best
-from firmloop.diagnose.search.harmless import from_starts, no_worse, same_function
+from firmloop.diagnose.search.harmless import Simulations, no_worse, same_function
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
 from firmloop.diagnose.search.simulation_error import independent
 from firmloop.identify.fitting.noise import oversized, white
 from firmloop.identify.normal import NORMAL_95
-from firmloop.identify.plants.plant import Plant
-from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 Figures = Mapping[str, Mapping[str, float]]  # by output, by explanation: rms where it was left out
@@ -76,13 +74,16 @@ class _Part:
 class _Bench:
     """What parts are held against."""
 
-    refit: Plant
-    recordings: Sequence[Recording]
-    refit_rms: Array  # (2, recordings, r)
+    refit: Simulations
+
+    @property
+    def refit_rms(self) -> Array:
+        """Return what simulations of the refit leave (2, recordings, r), rms."""
+        return self.refit.from_starts()
 
     def part(self, search: Search) -> _Part:
         """Simulate what the best of a search is written as, and what is left out of its fit."""
-        rms = from_starts(improved_plant(search, search.best), self.recordings)
+        rms = Simulations(improved_plant(search, search.best), self.refit.recordings).from_starts()
         safe = believable(search.best.fitted) and no_worse(rms, self.refit_rms)
         seen = float(np.sqrt(np.mean((rms[1] / np.maximum(self.refit_rms[1], 1e-300)) ** 2)))
         return _Part(search, safe, self.left_out(search), seen if np.isfinite(seen) else 0.0)
@@ -97,7 +98,7 @@ class _Bench:
 
     def left_out(self, found: Search) -> LeftOut:
         """Return how far simulations are off where it was left out of the fit: of the refit, and of the best."""
-        values = {**found.nominal.fitted.point.values, **{p.name: p.value for p in self.refit.parameters}}
+        values = {**found.nominal.fitted.point.values, **{p.name: p.value for p in self.refit.plant.parameters}}
         best, plain = found.best.fitted, Contender((), values, {})
         starts = {id(each): start for each, start in zip(found.problem.train, best.point.starts, strict=True)}
         shown = Contender(best.terms, best.point.values, starts) if best.terms else plain
@@ -127,7 +128,7 @@ def _ratio(figures: Figures) -> float:
     return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else 0.0
 
 
-def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Kept:
+def holding(found: Search, refit: Simulations) -> Kept:
     """Return the search with the part of its best that harms no simulation, of left-out parts either; None if none.
 
     Where there is none, it is the whole if what was left out is simulated far nearer once its start is fitted.
@@ -136,7 +137,7 @@ def holding(found: Search, refit: Plant, recordings: Sequence[Recording]) -> Kep
     long as it is clearly nearer without; and those that may be none by their own intervals, unless it is nearer with
     them than by chance.
     """
-    bench = _Bench(refit, recordings, from_starts(refit, recordings))
+    bench = _Bench(refit)
     if not found.best.fitted.terms:
         return Kept(found, bench.left_out(found).figures)
     kept = _kept(found, bench)

@@ -157,6 +157,13 @@ def misfit(
     return residual, slopes
 
 
+def missed(made: Experiment, simulator: Engine, constants: Array, start: Array, weights: Array) -> float:
+    """Return the sum of squares of measured - simulated, outputs weighed by `weights` (r,); infinite if it diverges."""
+    left = made.target - conditioned(made, delayed(made, simulator.run(made.course, constants, start)))
+    power = float(np.sum((left * weights) ** 2))
+    return power if np.isfinite(power) else np.inf
+
+
 def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array) -> Array:
     """Fit the initial state (n,) alone, from `guess` and from where the plant usually is; weights (r,) are 1/noise.
 
@@ -176,10 +183,13 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
             if np.linalg.norm(small[:, held]) < _HELD * np.linalg.norm(small[:, :-1]):
                 guesses += [guess + sign * pace * (np.arange(len(guess)) == held) for sign in (1.0, -1.0)]
 
+    def cost_at(start: Array) -> float:
+        return missed(made, simulator, constants, start, weights)
+
     def reduced_at(start: Array) -> Array | None:
         return _start_triangle(made, simulator, constants, start, weights)
 
-    found = [descend(reduced_at, each) for each in guesses]
+    found = [descend(cost_at, reduced_at, each) for each in guesses]
     return min(found, key=lambda each: each[0])[1]
 
 

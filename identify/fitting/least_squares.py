@@ -162,33 +162,35 @@ def fit_function(
     return place * scale, covariance * np.outer(scale, scale)
 
 
-def descend(reduced_at: Callable[[Array], Array | None], start: Array) -> tuple[float, Array]:
+def descend(
+    cost_at: Callable[[Array], float], reduced_at: Callable[[Array], Array | None], start: Array
+) -> tuple[float, Array]:
     """Search from `start` (n,) by Gauss-Newton, damped (Levenberg) where a full step does not help: (cost, place).
 
     `reduced_at(place)` is the triangle of [slopes, residual], None where there is none, as of a simulation that
-    diverges; infinite cost where that is so at the start.
+    diverges; infinite cost where that is so at the start. `cost_at(place)` is the square of that residual, which costs
+    no slopes; infinite where there is none.
     """
     small = reduced_at(start)
     if small is None:
         return np.inf, start
-    place = start
+    place, cost = start, float(small[:, -1] @ small[:, -1])
     for _ in range(_DESCENTS):
         reach = np.linalg.norm(small[:, :-1], axis=0)
         reach[reach == 0.0] = 1.0
-        cost = float(small[:, -1] @ small[:, -1])
         for damping in _DAMPINGS:
             tall = np.concatenate([small[:, :-1] / reach, np.sqrt(damping) * np.eye(len(place))])
             aim = np.concatenate([-small[:, -1], np.zeros(len(place))])
             step, *_ = np.linalg.lstsq(tall, aim, rcond=1e-9)
-            trial = reduced_at(place + step / reach)
-            if trial is not None and float(trial[:, -1] @ trial[:, -1]) < cost:
+            trial = cost_at(place + step / reach)
+            if trial < cost:
                 break
         else:
-            return cost, place
-        place, small = place + step / reach, trial
-        if cost - float(trial[:, -1] @ trial[:, -1]) <= _SETTLED * cost:
             break
-    return float(small[:, -1] @ small[:, -1]), place
+        place, last, cost = place + step / reach, cost, trial
+        if last - cost <= _SETTLED * last or (small := reduced_at(place)) is None:
+            break
+    return cost, place
 
 
 def scaled_step(square: Array, pull: Array, determined: float) -> tuple[Array, Array]:

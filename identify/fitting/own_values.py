@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.covariance import Doubt, uncertainty
-from firmloop.identify.fitting.experiment import Experiment, best_start, experiments, misfit
+from firmloop.identify.fitting.experiment import Experiment, best_start, experiments, misfit, missed
 from firmloop.identify.fitting.least_squares import descend, triangle
 from firmloop.identify.fitting.scores import RecordingScore
 from firmloop.identify.plants.attach import with_effects
@@ -179,6 +179,9 @@ def _with_states(
         moved[states] = own
         return moved
 
+    def cost_at(own: Array) -> float:
+        return missed(made, engine, constants, with_own(own), weights)
+
     def reduced_at(own: Array) -> Array | None:
         residual, slopes = misfit(made, engine, constants, with_own(own), ())
         if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
@@ -186,7 +189,7 @@ def _with_states(
         tall = (slopes[..., states] * weights[:, None]).reshape(-1, len(states))
         return triangle(tall, (residual * weights).reshape(-1, 1))
 
-    return with_own(descend(reduced_at, start[states])[1])
+    return with_own(descend(cost_at, reduced_at, start[states])[1])
 
 
 def unseen_own(

@@ -12,7 +12,7 @@ from bench.diagnose.blind_cases import draw_case, single_case
 from firmloop.diagnose.model.candidate import believable, on_bound
 from firmloop.diagnose.model.fit import Fitted, fit
 from firmloop.diagnose.model.hypothesis import Problem, first_point, rescaled
-from firmloop.diagnose.search.harmless import by_simulation_error, from_starts, harmless, no_worse, simulation_rms
+from firmloop.diagnose.search.harmless import Simulations, by_simulation_error, harmless, no_worse
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.recording import make_recording
@@ -65,8 +65,9 @@ def test_a_plant_that_is_off_is_not_harmless(tmp_path: Path) -> None:
     project = read_project(concealed(tmp_path, "", 0.3, False))
     plant, train = plant_of(project), read_data(project).train
     off = replace(plant, parameters=tuple(replace(p, value=1.3 * p.value) for p in plant.parameters))
-    assert harmless(plant, plant, train)
-    assert not harmless(off, plant, train) or not harmless(plant, off, train)
+    right, wrong = (Simulations(each, train) for each in (plant, off))
+    assert harmless(right, right)
+    assert not harmless(wrong, right) or not harmless(right, wrong)
 
 
 def test_the_noise_of_the_first_reading_tells_no_better_plant() -> None:
@@ -79,11 +80,13 @@ def test_the_noise_of_the_first_reading_tells_no_better_plant() -> None:
     noise[0] = 1e-3  # by which all that begins there is too high, and the drift of the wrong plant too low
     driven["position_rad"] = simulate(true, make_recording(time, driven, "bare.csv", ""), None)[:, 0] + noise
     seen = [make_recording(time, driven, "log.csv", "")]
-    assert simulation_rms(true, seen) > 1.3 * simulation_rms(off, seen)
-    rms = {name: from_starts(each, seen) for name, each in (("true", true), ("off", off), ("wrong", wrong))}
+    made = {"true": Simulations(true, seen), "off": Simulations(off, seen), "wrong": Simulations(wrong, seen)}
+    assert made["true"].rms() > 1.3 * made["off"].rms()
+    rms = {name: each.from_starts() for name, each in made.items()}
     assert no_worse(rms["true"], rms["off"]) and not no_worse(rms["off"], rms["true"])
     assert not no_worse(rms["wrong"], rms["true"])
-    assert not harmless(true, off, seen) and not harmless(off, true, seen)  # where it begins there all the same
+    either = harmless(made["true"], made["off"]), harmless(made["off"], made["true"])
+    assert either == (False, False)  # where it begins there all the same
 
 
 def test_a_value_on_its_bound_is_no_explanation(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from firmloop.diagnose.model.candidate import Candidate, extended, rated
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.search.found import Search, candidates_of, standing
-from firmloop.diagnose.search.harmless import as_identified
+from firmloop.diagnose.search.harmless import Simulations, as_identified
 from firmloop.diagnose.search.held_out import holding
 from tests.diagnose.cases import concealed, nominal_of, problem_of, refitted, shortened, without_tests
 
@@ -25,6 +25,12 @@ def _tried(problem: Problem, nominal: Candidate, name: str) -> Candidate:
     return rated(problem, fitted)
 
 
+def _plain(problem: Problem) -> Simulations:
+    refit = as_identified(problem.plant, problem.train)
+    assert refit is not None
+    return Simulations(refit, problem.train)
+
+
 @pytest.mark.parametrize("behind", [5.0, 500.0])
 def test_what_holds_where_it_was_left_out_stands_for_what_innovations_prefer_by_little(
     behind: float, tmp_path: Path
@@ -34,7 +40,7 @@ def test_what_holds_where_it_was_left_out_stands_for_what_innovations_prefer_by_
     wrong, right = (_tried(problem, nominal, name) for name in (WRONG, RIGHT))
     wrong = replace(wrong, score=right.score - behind)
     found = Search(problem, nominal, wrong, ((wrong, right),), (), (nominal.score - wrong.score,))
-    kept = holding(found, as_identified(problem.plant, problem.train), problem.train)
+    kept = holding(found, _plain(problem))
     if behind > 100.0:
         assert kept.search is None
         return
@@ -51,7 +57,7 @@ def test_what_is_preferred_by_little_of_all_that_is_explained_gives_way_too(shar
     explained = nominal.score - right.score
     wrong = replace(wrong, score=right.score - share / (1.0 - share) * explained)
     found = Search(problem, nominal, wrong, ((wrong, right),), (), (nominal.score - wrong.score,))
-    kept = holding(found, as_identified(problem.plant, problem.train), problem.train)
+    kept = holding(found, _plain(problem))
     if share > 0.25:
         assert kept.search is None
         return

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from firmloop.diagnose.search.harmless import Simulations
 from firmloop.diagnose.search.run_to_run import differing
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.recording import make_recording
@@ -20,7 +21,7 @@ def test_recordings_that_begin_at_other_noise_do_not_differ() -> None:
     driven = {"torque_N_m": 0.1 * (time < 1.0), "position_rad": 0.0 * time}
     bare = simulate(plant, make_recording(time, driven, "bare.csv", ""), None)[:, 0]
     logs = [make_recording(time, {**driven, "position_rad": bare + one}, f"{one[0]:g}.csv", "") for one in noise]
-    assert differing(plant, logs) == ((), 1.0)
+    assert differing(Simulations(plant, logs)) == ((), 1.0)
 
 
 def test_a_duct_on_a_cool_and_on_a_warm_day_is_asked_for_its_level(tmp_path: Path) -> None:
