@@ -212,7 +212,7 @@ def is_unit(text: str) -> bool:
 
 def is_symbol(word: str) -> bool:
     """Tell whether `word` is one symbol, with its prefix or without, such as mA or rpm."""
-    return bool(_symbol(word))
+    return bool(word and _symbol(word))
 
 
 def _near(one: Sequence[float], other: Sequence[float]) -> bool:

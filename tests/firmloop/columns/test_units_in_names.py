@@ -72,7 +72,7 @@ def test_a_unit_of_the_kind_that_is_wanted_is_found(
 
 @pytest.mark.parametrize(
     "name",
-    ["volt_ma", "volt_prev", "v_rev", "v_sec", "T_in", "v_min", "volt_V_raw", "v_1", "lift_MA"],
+    ["volt_ma", "volt_prev", "v_rev", "v_sec", "T_in", "v_min", "volt_V_raw", "v_1", "volt_", "lift_MA"],
 )
 def test_words_that_are_units_of_another_kind_alone_stay_words(name: str, bench: Callable[..., tuple]) -> None:
     """A moving average, the one before, a direction."""
