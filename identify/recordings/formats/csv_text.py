@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, cells_of, 
 from firmloop.identify.recordings.text.exports import read_export
 from firmloop.identify.recordings.text.frames import without_frames
 from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
+from firmloop.identify.recordings.text.lines import Lines
 from firmloop.identify.recordings.text.log_prefix import without_log_prefix
 from firmloop.identify.recordings.text.teleplot import read_teleplot
 from firmloop.identify.recordings.text.thousands import without_thousands
@@ -48,10 +50,11 @@ def read_csv(content: bytes) -> RawTable | Misread:
     text, stamped = without_terminal_stamps(text.lstrip("\ufeff").replace(_MINUS, "-"))
     text, logged = without_log_prefix(text)
     encoding += (*stamped, *logged)
-    begin = begins_json(text.split("\n"))
+    lines = Lines(text)
+    begin = begins_json(lines)
     if begin is not None:
         return _from_json(text, begin, encoding)
-    return _read_columns(text, encoding)
+    return _read_columns(lines, encoding)
 
 
 def _from_json(text: str, begin: int, notes: tuple[str, ...]) -> RawTable | Misread:
@@ -61,36 +64,69 @@ def _from_json(text: str, begin: int, notes: tuple[str, ...]) -> RawTable | Misr
         return rows
     before = f"its first {begin} line{'s are' if begin > 1 else ' is'} left aside"
     said = ("holds an object of JSON in each line" if rows.place == "line" else "holds its samples in one JSON text",)
-    found = _read_columns("\n".join(rows.lines), (*notes, *said, *((before,) if begin else ())))
+    found = _read_columns(Lines.of(rows.lines), (*notes, *said, *((before,) if begin else ())))
     if isinstance(found, Misread):
         where = re.sub(r"line (\d+)", lambda number: f"{rows.place} {int(number[1]) - 1 + begin}", found.where)
         return replace(found, where=where)
     return replace(found, place=rows.place, places=found.places - 1 + begin)
 
 
-def _read_columns(text: str, encoding: tuple[str, ...]) -> RawTable | Misread:
-    lines = [line.strip() for line in text.split("\n")]
-    numbers = np.array([number for number, line in enumerate(lines, 1) if line], dtype=np.int64)
-    if not len(numbers):
+class _Rows:
+    """Rows that are made anew each time that they are gone through, so that none is kept."""
+
+    def __init__(self, made: Callable[[], Iterable[str]]) -> None:
+        self._made = made
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._made())
+
+
+def _read_columns(lines: Lines, encoding: tuple[str, ...]) -> RawTable | Misread:
+    header, first = next(((k, line.strip()) for k, line in enumerate(lines, 1) if line.strip()), (0, ""))
+    if not header:
         return Misread("", "is empty", "write one header line (time_s, then the signals) and one line per sample")
-    names = tuple(map(bare, first_name(lines[numbers[0] - 1]).split(",")))
-    rows = [line for line in lines[numbers[0] :] if line]
-    plain = _parsed(names, rows, numbers[1:], PLAIN) if rows else None
-    if isinstance(plain, RawTable) and not all(map(is_number, names)):
-        return replace(plain, notes=(*encoding, *plain.notes))
-    text, framed = without_frames(text)
-    encoding += framed
-    whole = [line.rstrip("\r") for line in text.split("\n")]
-    found = read_teleplot(whole) or read_export(whole) or _in_dialect(whole)
+    names = tuple(map(bare, first_name(first).split(",")))
+    rows = _Rows(lambda: filter(None, map(str.strip, islice(lines, header, None))))
+    plain: RawTable | Misread | None = None
+    if _begins(names, rows) and not all(map(is_number, names)):
+        plain = _parsed(names, rows, _filled(lines, header), PLAIN)
+        if isinstance(plain, RawTable):
+            return replace(plain, notes=(*encoding, *plain.notes))
+    bare_lines, framed = without_frames(lines)
+    found = read_teleplot(bare_lines) or read_export(bare_lines) or _in_dialect(bare_lines)
     if isinstance(found, RawTable):
-        return replace(found, notes=(*encoding, *found.notes))
+        return replace(found, notes=(*encoding, *framed, *found.notes))
     if found is not None:
         return found
-    if rows and len(names) == 1 and (mark := parting_mark(lines)):  # then the complaint names a column that is there
-        called = tuple(map(bare, first_name(lines[numbers[0] - 1]).split(mark)))
+    held, numbers = [*rows], _filled(lines, header)
+    if not held:
+        return Misread("", "has a header but no rows", "write one line per sample below the header")
+    if len(names) == 1 and (mark := parting_mark(first, held[-1])):  # then the complaint names a column that is there
         parted = Dialect(mark, ",")
-        return _culprit(called, parted.plain_rows(rows), numbers[1:], parted, "", lines)
-    return plain or Misread("", "has a header but no rows", "write one line per sample below the header")
+        called = tuple(map(bare, first_name(first).split(mark)))
+        return _culprit(called, [*parted.plain_rows(held)], numbers, parted, "", [*map(str.strip, lines)])
+    return plain or _parsed(names, held, numbers, PLAIN)
+
+
+def _filled(lines: Sequence[str], first: int) -> NDArray[np.int64]:
+    """Return the numbers of the lines behind the `first` that are not blank."""
+    said = np.fromiter(map(bool, map(str.strip, islice(lines, first, None))), dtype=np.bool_)
+    return np.flatnonzero(said) + first + 1
+
+
+def _begins(names: tuple[str, ...], rows: Iterable[str]) -> bool:
+    """Tell whether the first of the rows has a number for each name; without, there is no plain table."""
+    first = [_even(row, names, PLAIN) for row in islice(rows, 1)]
+    try:
+        return any(first) and np.loadtxt(first, delimiter=",", comments=None, ndmin=2).shape[1] == len(names)
+    except ValueError:
+        return False
+
+
+def _even(row: str, names: tuple[str, ...], dialect: Dialect) -> str:
+    """Return a row without an empty cell behind the last of its values."""
+    mark = dialect.delimiter
+    return row[: -len(mark)] if row.endswith(mark) and row.count(mark) == len(names) else row
 
 
 def _decoded(content: bytes) -> tuple[str | Misread, tuple[str, ...]]:
@@ -137,7 +173,7 @@ def _is_text(line: bytes) -> bool:
     return True
 
 
-def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
+def _in_dialect(lines: Lines) -> RawTable | Misread | None:
     """Read another dialect, None where none is recognized."""
     lines, quotes = double_quoted(lines)
     lines, exponents = with_e(lines)
@@ -150,9 +186,8 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
     found = find_dialect(lines)
     if found is None or isinstance(found, Misread):
         return found
-    numbers = np.array([k + 1 for k in range(found.first, len(lines)) if lines[k].strip()], dtype=np.int64)
-    rows = found.plain_rows([lines[number - 1] for number in numbers])
-    table = _parsed(found.names, rows, numbers, found, lines)
+    rows = _Rows(lambda: found.plain_rows(filter(str.strip, islice(lines, found.first, None))))
+    table = _parsed(found.names, rows, _filled(lines, found.first), found, lines)
     if isinstance(table, Misread):
         return table
     kept = [k for k in range(len(table.names)) if k not in words]
@@ -171,21 +206,25 @@ def _in_dialect(lines: list[str]) -> RawTable | Misread | None:
 
 
 def _parsed(
-    names: tuple[str, ...], rows: list[str], numbers: NDArray[np.int64], dialect: Dialect, written: Sequence[str] = ()
+    names: tuple[str, ...],
+    rows: Iterable[str],
+    numbers: NDArray[np.int64],
+    dialect: Dialect,
+    written: Sequence[str] = (),
 ) -> RawTable | Misread:
     """Return the table of plain rows; `written` are the lines of the file, by which a complaint quotes them."""
     try:
         values = np.loadtxt(rows, delimiter=dialect.delimiter, comments=None, ndmin=2)
     except ValueError as error:
-        mark, width = dialect.delimiter, len(names)
-        even = [row[:-1] if row.endswith(mark) and row.count(mark) == width else row for row in rows]
-        if even != rows and not all(map(str.__ne__, even, rows)):
+        held = [*rows]
+        even = [_even(row, names, dialect) for row in held]
+        if even != held and not all(map(str.__ne__, even, held)):
             return _parsed(names, even, numbers, dialect, written)
-        quiet = _without_chatter(names, rows, numbers, dialect, written)
-        return quiet or _culprit(names, rows, numbers, dialect, str(error), written)
+        quiet = _without_chatter(names, held, numbers, dialect, written)
+        return quiet or _culprit(names, held, numbers, dialect, str(error), written)
     if values.shape[1] != len(names):
         says = f"{values.shape[1]} values below {len(names)} names"
-        return _culprit(names, rows, numbers, dialect, says, written)
+        return _culprit(names, [*rows], numbers, dialect, says, written)
     return RawTable(names, tuple(np.ascontiguousarray(column) for column in values.T), "line", numbers)
 
 

@@ -10,6 +10,8 @@ import re
 from dataclasses import dataclass
 from datetime import date
 
+from firmloop.identify.recordings.text.lines import Lines, last_filled
+
 _DATE = r"\d{4}[-/.]\d\d[-/.]\d\d|\d{1,2}[-/.](?:\d{1,2}|[A-Za-z]{3})[-/.]\d{4}"
 _CLOCK = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d(?:MARK\d+)?)"
@@ -49,17 +51,17 @@ class _Calendar:
 
 def without_terminal_stamps(text: str) -> tuple[str, tuple[str, ...]]:
     """Return the text without what a terminal has put before every line, such as 12:34:56.789 -> or [12:34:56]."""
-    lines = [line for line in text.splitlines() if line.strip()]
-    if len(lines) < _FEWEST or not all(map(_TERMINAL.match, lines[:1] + lines[-1:])):
+    if not all(map(_TERMINAL.match, last_filled(text, 1))):
         return text, ()
-    stamp = _TERMINAL.match(lines[0])
+    lines = [line for line in text.splitlines() if line.strip()]
+    stamp = _TERMINAL.match(lines[0]) if len(lines) >= _FEWEST else None
     if stamp is None or not all(map(_TERMINAL.match, lines)):
         return text, ()
     bare = "\n".join(_TERMINAL.sub("", line) for line in text.splitlines())
     return bare, (f"has a stamp of the terminal before every line, left aside: {stamp.group().strip()!r}",)
 
 
-def with_seconds(lines: list[str]) -> tuple[list[str], str, int | None]:
+def with_seconds(lines: Lines) -> tuple[Lines, str, int | None]:
     """Return the lines with seconds in place of the first stamp of each row, what is told of it, and its column.
 
     Rows are the lines of the shape that the last one has; where that has no stamp, all is left as it is.
@@ -72,18 +74,22 @@ def with_seconds(lines: list[str]) -> tuple[list[str], str, int | None]:
     if found is None:
         return lines, "", None
     shape = _shape(last, found, mark)
-    rows = {
-        k: match for k, line in enumerate(lines) if (match := stamp.search(line)) and _shape(line, match, mark) == shape
-    }
-    if len(rows) < _FEWEST:
-        return lines, "", None
-    calendar, out = _Calendar(), list(lines)
-    for k, match in rows.items():
-        before, after = lines[k][: match.start()], lines[k][match.end() :]
+    calendar, rows, example = _Calendar(), 0, ""
+
+    def in_seconds(line: str) -> str:
+        nonlocal rows, example
+        match = stamp.search(line)
+        if match is None or _shape(line, match, mark) != shape:
+            return line
+        rows, example = rows + 1, example or match.group().strip('"')
+        before, after = line[: match.start()], line[match.end() :]
         alone = _ALONE.search(before) or _ALONE.search(after)
         seconds = f"{calendar.seconds(match, alone.group() if alone else ''):.9f}".rstrip("0").rstrip(".")
-        out[k] = f"{_ALONE.sub('0', before)}{seconds}{_ALONE.sub('0', after)}"
-    example = next(iter(rows.values())).group().strip('"')
+        return f"{_ALONE.sub('0', before)}{seconds}{_ALONE.sub('0', after)}"
+
+    out = Lines.of(map(in_seconds, lines))
+    if rows < _FEWEST:
+        return lines, "", None
     return out, f"has stamps such as {example!r}, which are read as seconds from the first", shape[0]
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import csv
 import re
 
+from firmloop.identify.recordings.text.lines import Lines
+
 _FORTRAN = re.compile(r"(?<![\w.])([-+]?(?:\d+\.\d*|\.\d+))[dD]([-+]?\d{1,3})(?![\w.])")  # 2.000D0
+_NEAR_FORTRAN = re.compile(r"[dD](?<=[\d.].)")
 _INSIDE = re.compile(r"\d'\d")  # a mark of thousands
 
 
@@ -28,10 +31,10 @@ def grouped(mark: str) -> str:
 def is_number(cell: str) -> bool:
     """Tell whether a cell is a decimal number in ASCII, nan and inf among them; 1_000 is none."""
     try:
-        float(cell.replace("_", "?").encode("ascii", "replace"))
+        float(cell)
     except ValueError:
         return False
-    return True
+    return cell.isascii() and "_" not in cell
 
 
 def bare(cell: str) -> str:
@@ -40,15 +43,18 @@ def bare(cell: str) -> str:
     return text[1:-1].strip() if len(text) > 1 and text[0] == text[-1] == "'" else text
 
 
-def double_quoted(lines: list[str]) -> tuple[list[str], str]:
+def double_quoted(lines: Lines) -> tuple[Lines, str]:
     """Write single quotes as double ones where most lines have a number in them; return what to tell, blank else."""
+    if "'" not in lines.text:
+        return lines, ""
     quoted = sum("'" in line and not _INSIDE.search(line) for line in lines)
     if 2 * quoted <= len(lines) or any('"' in line for line in lines):
         return lines, ""
-    return [line.replace("'", '"') for line in lines], "has values in single quotes"
+    return Lines.of(line.replace("'", '"') for line in lines), "has values in single quotes"
 
 
-def with_e(lines: list[str]) -> tuple[list[str], str]:
+def with_e(lines: Lines) -> tuple[Lines, str]:
     """Write exponents of Fortran, whose double precision has a D, with an E; return what to tell, blank else."""
-    out = [_FORTRAN.sub(r"\1E\2", line) if "d" in line.lower() else line for line in lines]
-    return out, "has exponents with a D, as Fortran writes them" if out != lines else ""
+    if not any(map(_FORTRAN.search, lines) if _NEAR_FORTRAN.search(lines.text) else ()):
+        return lines, ""
+    return Lines.of(_FORTRAN.sub(r"\1E\2", line) for line in lines), "has exponents with a D, as Fortran writes them"

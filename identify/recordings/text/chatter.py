@@ -33,8 +33,10 @@ def without_chatter(
 
 
 def _is_chatter(row: str, names: tuple[str, ...], delimiter: str) -> bool:
+    if not _WORD.search(row):
+        return False
     cells = [bare(cell) for cell in row.split(delimiter)]
-    return bool(_WORD.search(row)) and tuple(cells) != names and not any(map(is_number, cells))
+    return tuple(cells) != names and not any(map(is_number, cells))
 
 
 def listed_lines(numbers: list[int]) -> str:

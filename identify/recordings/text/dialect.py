@@ -7,8 +7,9 @@ numbers in a row; the header is the nearest line above with a name for each.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, pairwise, product
+from itertools import chain, islice, pairwise, product
 
 from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread
@@ -38,32 +39,29 @@ class Dialect:
     quoted: bool = False
     notes: tuple[str, ...] = ()
 
-    def plain_rows(self, rows: list[str]) -> list[str]:
-        """Return rows with points in their numbers, without quotes and without empty cells at their ends."""
+    def plain_rows(self, rows: Iterable[str]) -> Iterable[str]:
+        """Yield rows with points in their numbers, without quotes and without empty cells at their ends."""
         if self.delimiter == " ":
-            rows = [" ".join(row.split()) for row in rows]
+            rows = (" ".join(row.split()) for row in rows)
         if self.quoted:
-            rows = [self.delimiter.join(_numbers(row, self)) for row in rows]
+            rows = (self.delimiter.join(_numbers(row, self)) for row in rows)
         elif self.decimal == ",":
-            rows = "\n".join(rows).replace(",", ".").split("\n")
-        if not self.trailing:
-            return rows
+            rows = (row.replace(",", ".") for row in rows)
         end = self.delimiter * self.trailing
-        return [row.rstrip(" ").removesuffix(end) for row in rows]
+        return (row.rstrip(" ").removesuffix(end) for row in rows) if end else rows
 
 
 PLAIN = Dialect(",", ".")
 
 
-def parting_mark(lines: list[str]) -> str:
-    """Return what parts the header and the last line into as many columns, more than one; blank where nothing does."""
-    held = [line for line in lines if line.strip()]
-    return next((mark for mark in _PARTING if 0 < held[0].count(mark) == held[-1].count(mark)), "")
+def parting_mark(header: str, row: str) -> str:
+    """Return what parts the header and a row into as many columns, more than one; blank where nothing does."""
+    return next((mark for mark in _PARTING if 0 < header.count(mark) == row.count(mark)), "")
 
 
-def find_dialect(lines: list[str]) -> Dialect | Misread | None:
+def find_dialect(lines: Sequence[str]) -> Dialect | Misread | None:
     """Return how the columns of `lines` are written, what is wrong with them, or None where nothing is recognized."""
-    tries = product((lines[:_FIRST], lines[_FIRST:] and lines), (_WAYS, _SPACED))
+    tries = product((lines[:_FIRST], lines if len(lines) > _FIRST else ()), (_WAYS, _SPACED))
     tables = ([each for way in ways if (each := _table(part, *way)) is not None] for part, ways in tries)
     found = next(filter(None, tables), None)
     if found is None:
@@ -76,13 +74,13 @@ def find_dialect(lines: list[str]) -> Dialect | Misread | None:
         held = (row for row in islice(lines, dialect.first, None) if mark in row)
         cells = (cell.strip() for row in held for cell in cells_of(row, dialect) if mark in cell)
         example = next(cells, "")
-        if example and all(map(re.compile(f"{grouped(re.escape(mark))}+").fullmatch, (example, *cells))):
+        if example and all(map(re.compile(f"{grouped(re.escape(mark))}+").fullmatch, chain((example,), cells))):
             remedy = "save the file with points in its numbers and no marks for thousands"
             return Misread("", f"can be read in two ways: {example} may be a fraction or thousands", remedy)
     return dialect
 
 
-def _table(lines: list[str], delimiter: str, decimal: str) -> Dialect | None:
+def _table(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | None:
     """Return where rows of at least two numbers begin, None where there are none."""
     run, width, first, quoted = 0, 0, 0, False
     for k, line in enumerate(lines):
@@ -105,12 +103,12 @@ def _table(lines: list[str], delimiter: str, decimal: str) -> Dialect | None:
     return None
 
 
-def _some_rows(lines: list[str], first: int, dialect: Dialect) -> list[list[str]]:
+def _some_rows(lines: Sequence[str], first: int, dialect: Dialect) -> list[list[str]]:
     rows = (line for line in islice(lines, first, None) if line.strip())
     return [cells_of(line, dialect) for line in islice(rows, _MOST)]
 
 
-def _header_to_write(lines: list[str], table: Dialect, width: int) -> str:
+def _header_to_write(lines: Sequence[str], table: Dialect, width: int) -> str:
     """Say which names a table without a header may have; a first column that does not rise is no time."""
     read = [_numbers(line, table)[0].strip() for line in lines[table.first : table.first + _MOST] if line.strip()]
     first = [float(each) for each in read if is_number(each)]
@@ -120,7 +118,7 @@ def _header_to_write(lines: list[str], table: Dialect, width: int) -> str:
     return f"write one line above, such as {columns}{'' if rises else untimed}"
 
 
-def _with_header(lines: list[str], table: Dialect) -> Dialect | Misread | None:
+def _with_header(lines: Sequence[str], table: Dialect) -> Dialect | Misread | None:
     """Find the names, and the units where a line of them stands below."""
     width = len(cells_of(lines[table.first], table)) - table.trailing
     above = [k for k in range(table.first - 1, max(-1, table.first - _HIGHEST), -1) if lines[k].strip()]
@@ -179,7 +177,7 @@ def _otherwise_parted(line: str, number: int, table: Dialect, width: int) -> Mis
     return Misread(f"line {number}", wrong, f"write the same between names: {names[:200]}; keep the rows")
 
 
-def _unnamed(lines: list[str], above: int, table: Dialect, width: int) -> Misread | None:
+def _unnamed(lines: Sequence[str], above: int, table: Dialect, width: int) -> Misread | None:
     """Say that there is no header where the line above the rows has nothing that parts columns."""
     if len(cells_of(lines[above], table)) > 1:
         return None
@@ -187,7 +185,7 @@ def _unnamed(lines: list[str], above: int, table: Dialect, width: int) -> Misrea
     return Misread("", wrong, _header_to_write(lines, table, width))
 
 
-def _told(lines: list[str], table: Dialect, header: int, units: tuple[str, ...]) -> list[str]:
+def _told(lines: Sequence[str], table: Dialect, header: int, units: tuple[str, ...]) -> list[str]:
     """Say in what this file is not plain."""
     marks = f"{_MARKS[table.delimiter]} between columns" if table.delimiter != "," else ""
     decimal = "decimal commas" if table.decimal == "," else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ _ONE_X = "write it with one X column and one segment"
 _KEEP = "export it again, or save one header line and one line per sample"
 
 
-def read_export(lines: list[str]) -> RawTable | Misread | None:
+def read_export(lines: Sequence[str]) -> RawTable | Misread | None:
     """Return the table of a known instrument, None where its signature is not there."""
     first = next((line for line in lines if line.strip()), "")
     reader = next((read for signature, read in _READERS if re.match(signature, first)), None)
@@ -28,7 +28,7 @@ def read_export(lines: list[str]) -> RawTable | Misread | None:
         return Misread("", "is an instrument's export whose header or numbers are damaged", _KEEP)
 
 
-def _tektronix(lines: list[str]) -> RawTable | Misread:
+def _tektronix(lines: Sequence[str]) -> RawTable | Misread:
     """Take time and voltage from the fourth and fifth cell; the others hold settings."""
     cells = [(k + 1, line.split(",")) for k, line in enumerate(lines) if line.strip()]
     source = next((row[1].strip() for _, row in cells if row[0].strip() == "Source"), "") or "CH1"
@@ -36,7 +36,7 @@ def _tektronix(lines: list[str]) -> RawTable | Misread:
     return _columns(("time_s", source), rows, "is a Tektronix export; time_s is taken from it", 0.0, 1.0)
 
 
-def _rigol(lines: list[str]) -> RawTable | Misread:
+def _rigol(lines: Sequence[str]) -> RawTable | Misread:
     """Count time from the start and increment that stand in the second line."""
     (_, head), (_, settings), *rest = ((k + 1, line.split(",")) for k, line in enumerate(lines) if line.strip())
     names = [name.strip() for name in head]
@@ -47,7 +47,7 @@ def _rigol(lines: list[str]) -> RawTable | Misread:
     return _columns(("time_s", *names[1:width]), rows, said, start, step)
 
 
-def _rigol_even(lines: list[str]) -> RawTable | Misread:
+def _rigol_even(lines: Sequence[str]) -> RawTable | Misread:
     """Count time from `t0 = ` and `tInc = ` of the header."""
     (_, head), *rest = ((k + 1, line) for k, line in enumerate(lines) if line.strip())
     found = re.search(r"t0\s*=\s*([-+.\deE]+).*?tInc\s*=\s*([-+.\deE]+)", head)
@@ -60,7 +60,7 @@ def _rigol_even(lines: list[str]) -> RawTable | Misread:
     return _columns(("time_s", *names), rows, said, start, step)
 
 
-def _labview(lines: list[str]) -> RawTable | Misread:
+def _labview(lines: Sequence[str]) -> RawTable | Misread:
     """Read a LabVIEW measurement file: its header says separator, decimal mark and where X stands."""
     ends = [k for k, line in enumerate(lines) if line.startswith("***End_of_Header***")]
     if not ends:
@@ -118,19 +118,22 @@ def _columns(
 _PAIR = re.compile(r"[\s,;>]*([A-Za-z_][\w .()/\[\]%]*?)\s*[:=]\s*([-+]?\.?\d[\d.]*(?:[eE][-+]?\d+)?|nan)(?=[\s,;]|$)")
 
 
-def _plotter(lines: list[str]) -> RawTable | Misread:
+def _plotter(lines: Sequence[str]) -> RawTable | Misread:
     """Read lines such as t_ms:12,speed:3.5, with the same names in each."""
-    rows = [(k + 1, line) for k, line in enumerate(lines) if line.strip()]
-    pairs = [(place, _PAIR.findall(line), _PAIR.sub("", line).strip(" ,;\t")) for place, line in rows]
-    names = tuple(name for name, _ in pairs[0][1])
-    for place, found, rest in pairs:
-        if tuple(name for name, _ in found) != names or rest:
+    cells: list[tuple[int, str]] = []
+    names: tuple[str, ...] = ()
+    for place, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        found = _PAIR.findall(line)
+        names = names or tuple(name for name, _ in found)
+        if tuple(name for name, _ in found) != names or _PAIR.sub("", line).strip(" ,;\t"):
             return Misread(f"line {place}", f"does not hold {', '.join(names)}, as the first line does", _KEEP)
-    cells = [(place, ",".join(value for _, value in found)) for place, found, _ in pairs]
+        cells.append((place, ",".join(value for _, value in found)))
     return _columns(names, cells, "has a name before each value, as plotters of serial lines read them", 0.0, 1.0)
 
 
-_READERS: tuple[tuple[str, Callable[[list[str]], RawTable | Misread]], ...] = (
+_READERS: tuple[tuple[str, Callable[[Sequence[str]], RawTable | Misread]], ...] = (
     (r"Record Length,.*,.*,.*,", _tektronix),
     (r"X,.*Increment", _rigol),
     (r".*t0\s*=.*tInc\s*=", _rigol_even),

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 
 from firmloop.identify.recordings.text.cells import is_number
+from firmloop.identify.recordings.text.lines import Lines
 
 _OPEN, _CLOSE, _BEHIND = "[({<$!", "])}>", " \t\r,;"
 _SUM = re.compile(r"\w\*[0-9A-Fa-f]{2}")  # of NMEA 0183, behind a value
@@ -16,20 +17,21 @@ _PARTS = re.compile(r"[\s,;|]+")
 _Marks = tuple[str, str]
 
 
-def without_frames(text: str) -> tuple[str, tuple[str, ...]]:
-    """Return the text without the marks that stand around most of its rows, and what is told; the header may have none.
+def without_frames(lines: Lines) -> tuple[Lines, tuple[str, ...]]:
+    """Return the lines without the marks that stand around most rows, and what is told; the header may have none.
 
     A sum to check a row by goes with them.
     """
-    lines = text.split("\n")
-    framed = [*map(_framed, lines)]
-    marks = Counter(frame for frame, inner in framed if _is_row(inner))
-    (frame, count), filled = next(iter(marks.most_common(1)), (("", ""), 0)), sum(bool(line.strip()) for line in lines)
+    count = sum(map(lines.text.count, f"{_OPEN}{_CLOSE}*"))  # at most so many lines have any
+    if count < _FEWEST or count <= _SHARE * (filled := sum(bool(line.strip()) for line in lines)):
+        return lines, ()
+    marks = Counter(frame for frame, inner in map(_framed, lines) if _is_row(inner))
+    frame, count = next(iter(marks.most_common(1)), (("", ""), 0))
     if frame == ("", "") or count < _FEWEST or count <= _SHARE * filled:
-        return text, ()
-    bare = [inner if found == frame else line for line, (found, inner) in zip(lines, framed, strict=True)]
+        return lines, ()
+    bare = (inner if found == frame else line for line, (found, inner) in ((line, _framed(line)) for line in lines))
     shown = " and ".join(filter(None, (frame[0], frame[1].replace("*", "* with a sum"))))
-    return "\n".join(bare), (f"has {shown} around its rows, left aside",)
+    return Lines.of(bare), (f"has {shown} around its rows, left aside",)
 
 
 def _framed(line: str) -> tuple[_Marks, str]:

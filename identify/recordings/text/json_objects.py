@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from firmloop.identify.recordings.table import Misread
@@ -34,7 +34,7 @@ class ObjectRows:
     place: str
 
 
-def begins_json(lines: list[str]) -> int | None:
+def begins_json(lines: Sequence[str]) -> int | None:
     """Return the line from which a text is JSON: the first, or one below what a board says when it starts."""
     said = [k for k, line in enumerate(lines[:_STARTING]) if line.strip()]
     found = next((k for k in said if _BEGINS.match(lines[k])), None)

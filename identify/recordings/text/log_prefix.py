@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from firmloop.identify.recordings.text.cells import is_number
+from firmloop.identify.recordings.text.lines import last_filled
 
 _WORD = re.compile(r"[^\W\d_]{2}|\b[A-Z] \(\d+\)")  # of a library; the letters of a stamp, T and Z, stand alone
 _BEGIN = re.compile(r"(?:(?<!\d)[:>]|[\])|\s])\s*(?=[-+]?\.?\d)")  # behind which numbers begin: no part of a clock
@@ -25,10 +26,12 @@ def without_log_prefix(text: str) -> tuple[str, tuple[str, ...]]:
     if _COLOUR.search(text):
         bare, told = without_log_prefix(_COLOUR.sub("", text))
         return bare, ("has colours of a terminal, left aside", *told)
+    found, mark, width = next(filter(None, map(_before_numbers, last_filled(text, _AROUND)[::-1])), ("", "", 0))
+    if not found:
+        return text, ()
     lines = text.splitlines()
     filled = [line for line in lines if line.strip()]
-    found, mark, width = next(filter(None, map(_before_numbers, filled[: -_AROUND - 1 : -1])), ("", "", 0))
-    if len(filled) < _FEWEST or not found:
+    if len(filled) < _FEWEST:
         return text, ()
     alike = re.compile(r"\s*" + r"\d+".join(_spaced(part) for part in re.split(r"\d+", found)))
     if sum(bool(alike.match(line)) for line in filled) <= _SHARE * len(filled):

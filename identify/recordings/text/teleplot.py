@@ -7,7 +7,8 @@ Lines that do not begin with > are a program's own words.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,9 @@ _ONE_STAMP = "send all values of a sample with one stamp"
 Point = tuple[int, str, float, float | None]  # line, name, value, and stamp in ms
 
 
-def read_teleplot(lines: list[str]) -> RawTable | Misread | None:
+def read_teleplot(lines: Sequence[str]) -> RawTable | Misread | None:
     """Return a row for each stamp, or for each round of names where there are none; None for another kind of text."""
-    said = [line for line in lines if line.strip()][:_LOOKED]
+    said = [*islice(filter(str.strip, lines), _LOOKED)]
     known = sum(bool(_LINE.match(line)) for line in said)
     if known < min(_FEWEST, len(said)) or 4 * known < len(said):
         return None

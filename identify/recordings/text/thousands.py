@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 from firmloop.identify.recordings.table import Misread
 from firmloop.identify.recordings.text.cells import grouped, quoted_cells
+from firmloop.identify.recordings.text.lines import Lines
 
 _BLANK = "[ \u00a0\u2009\u202f]"
 _WAYS = ((",", "."), (".", ","), ("['\u2019]", "."), ("['\u2019]", ","), (_BLANK, "."), (_BLANK, ","))
 _SAID = {",": "commas", ".": "points"}
-_TELLING = re.compile(r"\d[,.'\u2019 \u00a0\u2009\u202f]\d{3}(?!\d)")
 _NO_NUMBER = ("nan", "inf", "infinity")  # that is read as one
 
 
-def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
+def without_thousands(lines: Lines) -> tuple[Lines, str] | Misread:
     """Return the lines without such marks and quotes around numbers, and what is told of it.
 
     A mark is sure where a number has two of them, or one and a decimal mark. A comma or a point alone may be either:
@@ -24,29 +25,32 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
     last = next((line for line in reversed(lines) if line.strip()), "")
     bare = re.sub('"[^"]*"', "", last)
     delimiter = next((each for each in "\t;|," if each in bare), "")
-    told = [k for k, line in enumerate(lines) if _TELLING.search(line)] if delimiter else []
-    if not told:
+    if not delimiter:
         return lines, ""
     words = _words(_cells(last, delimiter))
-    rows = {k: row for k in told if _words(row := _cells(lines[k], delimiter)) == words}
-    telling = [cell for row in rows.values() for cell in row if _TELLING.search(cell)]
+    unquoted = lines.text.replace('"', "")
+    parts = () if '"' in lines.text else (delimiter,)  # what stands in no number
     spaced = delimiter == "," and re.search(rf"\d{_BLANK}+[-+\d]", bare)  # 0,001 6,000: blanks may part columns
     wrong = None
     for mark, point in _WAYS[:4] if spaced else _WAYS:
+        if mark in parts:
+            continue
         between = mark if mark.startswith("[") else re.escape(mark)
         once = grouped(between)
         end = rf"(?:{re.escape(point)}\d*)?"
         alone = "" if mark in _SAID else rf"|{once}+{end}"
         sure = re.compile(rf"{once}+{re.escape(point)}\d+|{once}{{2,}}{end}{alone}")
-        told_by_others = False
-        if not any(sure.fullmatch(cell) for cell in telling):
-            told_by_others = mark in _SAID and _decided(lines, rows, delimiter, words, (mark, point))
-            if not told_by_others:
-                continue
+        near = rf"{between}(?<=\d.)\d{{3}}"  # such a number has it, and hardly a file without them
+        if not alone:
+            near += rf"{between}\d{{3}}" if point in parts else rf"(?:{re.escape(point)}\d|{between}\d{{3}})"
+        held = map(partial(_cells, delimiter=delimiter), lines) if re.search(near, unquoted) else ()
+        told_by_others = not any(any(map(sure.fullmatch, cells)) for cells in held if _words(cells) == words)
+        if told_by_others and not (mark in _SAID and _decided(lines, delimiter, words, (mark, point))):
+            continue
         number = re.compile(rf"{once}+{end}|[-+]?\d*{end}(?:[eE][-+]?\d+)?")
         out = list(lines)
         for k, line in enumerate(lines):
-            cells = rows.get(k) or _cells(line, delimiter)
+            cells = _cells(line, delimiter)
             if not any(cells) or _words(cells) != words:
                 continue
             odd = [cell for cell in cells if not (number.fullmatch(cell) or _is_word(cell) or _is_no_number(cell))]
@@ -61,13 +65,11 @@ def without_thousands(lines: list[str]) -> tuple[list[str], str] | Misread:
                 for cell in cells
             )
         else:
-            return out, f"has {_SAID.get(mark, 'marks')} between thousands, left out"
+            return Lines.of(out), f"has {_SAID.get(mark, 'marks')} between thousands, left out"
     return wrong or (lines, "")
 
 
-def _decided(
-    lines: list[str], rows: dict[int, list[str]], delimiter: str, words: list[int], marks: tuple[str, str]
-) -> bool:
+def _decided(lines: Lines, delimiter: str, words: list[int], marks: tuple[str, str]) -> bool:
     """Tell whether other numbers have the second mark as the decimal one, and none in the file has the first.
 
     They are those of the columns in which a number has the first mark once; all, where that and `delimiter` are commas.
@@ -76,10 +78,12 @@ def _decided(
     fraction = r"[-+]?(?:(?:0|[1-9]\d{{3,}})?{0}\d+|\d+{0}(?:\d{{0,2}}|\d{{4,}}))(?:[eE][-+]?\d+)?"
     against, decides = re.compile(fraction.format(mark)), re.compile(fraction.format(point))
     once = re.compile(grouped(mark))
+    if not re.search(rf"{mark}(?<=\d.)\d{{3}}(?!\d)", lines.text.replace('"', "")):
+        return False
     found: set[int] = set()
     columns: set[int] = set()
-    for k, line in enumerate(lines):
-        cells = rows.get(k) or _cells(line, delimiter)
+    for line in lines:
+        cells = _cells(line, delimiter)
         if _words(cells) != words:
             continue
         if any(map(against.fullmatch, cells)):
