@@ -151,8 +151,12 @@ def misfit(
     slopes = conditioned(made, delayed(made, slopes))
     np.negative(slopes, out=slopes)
     spread, own = np.std(made.target, axis=0), slopes[..., len(which) :]
-    traces = np.maximum(own.max(axis=0), -own.min(axis=0)) / np.where(spread > 0.0, spread, 1.0)[:, None]
-    own[..., traces.max(axis=0) < _FORGOTTEN] = 0.0
+    scales = np.where(spread > 0.0, spread, 1.0)
+    for state in range(own.shape[2]):
+        # One long column after another: over the first axis of all of them NumPy takes ten times as long.
+        traces = [max(one.max(), -one.min()) / scale for one, scale in zip(own[..., state].T, scales, strict=True)]
+        if np.max(traces) < _FORGOTTEN:
+            own[..., state] = 0.0
     own[..., list(made.known)] = 0.0
     return residual, slopes
 
