@@ -5,14 +5,17 @@
 
 Each point is a run of its own. Time is processor time, as a ratio to a reference in the same run: NumPy's QR
 decomposition of 100,000 rows and seven columns; memory is beyond what the run held before. The exponent between two
-points is that of the size in the time. `rows` and `recordings` fit a second-order lag, `order` lowers and prints a
-dense state space in float32, `horizon` lowers and prints a predictive controller of two states with limits on its move.
+points is that of the size in the time. `rows` and `recordings` fit a second-order lag, `text` reads rows of three
+columns with semicolons between them, `order` lowers and prints a dense state space in float32, `horizon` lowers and
+prints a predictive controller of two states with limits on its move.
 
-Exit status 1 where the time of a fit grows faster than rows times their logarithm, or its memory faster than the rows.
+Exit status 1 where the time of a fit, or of reading, grows faster than rows times their logarithm, or its memory faster
+than the rows.
 """
 
 from __future__ import annotations
 
+import io
 import math
 import resource
 import subprocess
@@ -30,6 +33,7 @@ from firmloop.design.kinds import design
 from firmloop.identify.fitting.fit import estimate
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.recordings.conditioning import NONE
+from firmloop.identify.recordings.formats.csv_text import read_csv
 from firmloop.identify.recordings.recording import Recording, make_recording
 from firmloop.identify.signal import Signal
 from firmloop.quantize.lower.lower import lower
@@ -56,6 +60,16 @@ def fit(rows: int, count: int) -> Callable[[], object]:
     return lambda: estimate(make_plant("second_order", "u", ["y"], {}), made, [], NONE)
 
 
+def text(rows: int) -> Callable[[], object]:
+    """Return the reading of so many rows of text."""
+    stream = io.BytesIO()  # a list of the lines would hold more memory than their reading takes
+    stream.write(b"time_s;voltage_V;speed_rad_s\n")
+    for k in range(rows):
+        stream.write(b"%.3f;%d;%.4f\n" % (PERIOD * k, 6 * (k // 200 % 2), k * 7919 % 10007 / 16))
+    content = stream.getvalue()
+    return lambda: read_csv(content)
+
+
 def print_order(order: int) -> Callable[[], object]:
     """Return what makes the C of a dense state space."""
     return lambda: emit(lower(dense_law(order), "float32"), "curves")
@@ -71,6 +85,7 @@ def print_horizon(horizon: int) -> Callable[[], object]:
 
 CURVES: Mapping[str, tuple[tuple[int, ...], Callable[[int], Callable[[], object]]]] = {
     "rows": ((10_000, 100_000, 1_000_000, 10_000_000), lambda rows: fit(rows, 1)),
+    "text": ((10_000, 100_000, 1_000_000), text),
     "recordings": ((1, 10, 100), lambda count: fit(OF_MANY, count)),
     "order": ((2, 5, 10, 20, 40), print_order),
     "horizon": ((5, 10, 20, 50, 100), print_horizon),
@@ -112,7 +127,7 @@ def main() -> int:
                 time_by, memory_by = math.log(ratio / before[1]) / grown, math.log(memory / before[2]) / grown
                 line += f"; exponents: time {time_by:.2f}, memory {memory_by:.2f}"
                 allowed = 1.0 + math.log(math.log(size) / math.log(before[0])) / grown + SLACK if before[0] > 1 else 9.9
-                missed |= curve == "rows" and (time_by > allowed or memory_by > 1.0 + SLACK)
+                missed |= curve in ("rows", "text") and (time_by > allowed or memory_by > 1.0 + SLACK)
             print(line, flush=True)
             before = size, ratio, max(memory, 1.0)
     return int(missed)
