@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from datetime import date
+from functools import lru_cache
 
 from firmloop.identify.recordings.text.lines import Lines, last_filled
 
@@ -106,12 +107,19 @@ def _of_day(found: re.Match[str]) -> float:
     hour = int(found["hour"])
     if found["half"]:
         hour = hour % 12 + (12 if found["half"] in "Pp" else 0)
-    digits = re.sub(r"\D", "", found["zone"] or "")
-    zone = 3600.0 * int(digits[:2]) + 60.0 * int(digits[2:]) if digits else 0.0
-    zone = -zone if (found["zone"] or "").startswith("-") else zone
-    return 3600.0 * hour + 60.0 * int(found["minute"]) + float(found["second"].replace(",", ".")) - zone
+    seconds = float(found["second"].replace(",", "."))
+    return 3600.0 * hour + 60.0 * int(found["minute"]) + seconds - _ahead(found["zone"] or "")
 
 
+@lru_cache(1024)
+def _ahead(zone: str) -> float:
+    """Return by how much a zone such as +01:00 is ahead, s."""
+    digits = re.sub(r"\D", "", zone)
+    ahead = 3600.0 * int(digits[:2]) + 60.0 * int(digits[2:]) if digits else 0.0
+    return -ahead if zone.startswith("-") else ahead
+
+
+@lru_cache(1024)
 def _counted_days(text: str) -> int | None:
     try:
         return date.fromisoformat(re.sub("[/.]", "-", text.strip('"'))).toordinal()
