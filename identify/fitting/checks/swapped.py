@@ -35,6 +35,8 @@ def _exchanged(evidence: Evidence, recording: Recording) -> str:
     (one, other), shares = min(known.items(), key=lambda each: sum(each[1]))
     if max(shares) > 1.0 - _ALIKE**2 or sum(shares) > _BETTER * sum(plain):
         return ""
+    if evidence.fit is not None and evidence.fit.explained >= 1.0 - max(shares):
+        return ""  # other values explain more of the columns as they are
     return (
         f"{one} and {other} of {recording.source} look exchanged: the plant as given then explains "
         f"{100.0 * (1.0 - max(shares)):.0f} % of every output, and {100.0 * (1.0 - max(plain)):.0f} % as the columns "

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from bench.host.identify_faults import MOTOR, heater, motor, swing
 from firmloop.cli import main
@@ -136,3 +137,21 @@ def test_a_plant_without_memory_that_is_read_after_its_input_has_acted_is_told_a
 def test_a_plant_without_memory_that_is_read_before_its_input_acts_is_not_early(tmp_path, capsys):
     says, found = identified(written(tmp_path / "log", valve(seeded(18), 1)), capsys)
     assert says == [] and found["gain"] == pytest.approx(-3.2, abs=0.01)
+
+
+def test_an_output_that_is_read_through_a_filter_is_told_and_the_others_are_not_shifted(tmp_path, capsys):
+    """The speed was told to be moved by 37 rows, for the fit had taken the filter of the current for the inductance."""
+    table, time, columns = motor(seeded(2), rows=1500)
+    share = np.exp(-1.0 / 50.0)
+    current = signal.lfilter([0.0, 1.0 - share], [1.0, -share], columns["current_A"]) + seeded(2).normal(0, 0.02, 1500)
+    folder = written(tmp_path / "log", (table, time, {**columns, "current_A": current}))
+    says, _ = identified(folder, capsys)
+    assert len(says) == 1 and "current_A of log.csv is read through a filter" in says[0], says
+    key = says[0].partition(" and time_constant_s = ")[2]
+    effect = f'[[plant.effects]]\nname = "sensor_lag"\noutput = "current_A"\ntime_constant_s = {key}\n'
+    project = folder / "project.toml"
+    project.write_text(f"{project.read_text()}\n{effect}")
+    says, found = identified(folder, capsys)
+    assert not any("moves" in each for each in says)
+    assert found["ke_V_s_rad"] == pytest.approx(MOTOR["ke_V_s_rad"], rel=0.01)
+    assert found["L_H"] == pytest.approx(MOTOR["L_H"], rel=0.1)
