@@ -23,6 +23,7 @@ from firmloop.identify.recordings.text.frames import without_frames
 from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
 from firmloop.identify.recordings.text.lines import Lines
 from firmloop.identify.recordings.text.log_prefix import without_log_prefix
+from firmloop.identify.recordings.text.named_values import read_named_values
 from firmloop.identify.recordings.text.teleplot import read_teleplot
 from firmloop.identify.recordings.text.thousands import without_thousands
 from firmloop.identify.recordings.text.words import without_words
@@ -93,7 +94,8 @@ def _read_columns(lines: Lines, encoding: tuple[str, ...]) -> RawTable | Misread
         if isinstance(plain, RawTable):
             return replace(plain, notes=(*encoding, *plain.notes))
     bare_lines, framed = without_frames(lines)
-    found = read_teleplot(bare_lines) or read_export(bare_lines) or _in_dialect(bare_lines)
+    found = read_teleplot(bare_lines) or read_export(bare_lines) or read_named_values(bare_lines)
+    found = found or _in_dialect(bare_lines)
     if isinstance(found, RawTable):
         return replace(found, notes=(*encoding, *framed, *found.notes))
     if found is not None:
@@ -301,6 +303,8 @@ def _remedy(name: str, place: int, rows: list[str], dialect: Dialect) -> str:
         return f"{name} looks hexadecimal: write its numbers in decimal; keep the rows"
     if 2 * wrong < len(cells) or len(cells) < 2:
         return "write a number with '.' or delete the row"
+    if all(dialect.delimiter not in row for row in rows[:_SAMPLE]):
+        return "save the values of a line with commas between them, below a header that names each; keep the lines"
     return f"so are {wrong} of {len(cells)} rows: write numbers there, or leave {name} out of the file; keep the rows"
 
 

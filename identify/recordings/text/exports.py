@@ -115,28 +115,9 @@ def _columns(
     return RawTable(names, columns, "line", np.array([place for place, _ in rows], dtype=np.int64), (), (told,))
 
 
-_PAIR = re.compile(r"[\s,;>]*([A-Za-z_][\w .()/\[\]%]*?)\s*[:=]\s*([-+]?\.?\d[\d.]*(?:[eE][-+]?\d+)?|nan)(?=[\s,;]|$)")
-
-
-def _plotter(lines: Sequence[str]) -> RawTable | Misread:
-    """Read lines such as t_ms:12,speed:3.5, with the same names in each."""
-    cells: list[tuple[int, str]] = []
-    names: tuple[str, ...] = ()
-    for place, line in enumerate(lines, 1):
-        if not line.strip():
-            continue
-        found = _PAIR.findall(line)
-        names = names or tuple(name for name, _ in found)
-        if tuple(name for name, _ in found) != names or _PAIR.sub("", line).strip(" ,;\t"):
-            return Misread(f"line {place}", f"does not hold {', '.join(names)}, as the first line does", _KEEP)
-        cells.append((place, ",".join(value for _, value in found)))
-    return _columns(names, cells, "has a name before each value, as plotters of serial lines read them", 0.0, 1.0)
-
-
 _READERS: tuple[tuple[str, Callable[[Sequence[str]], RawTable | Misread]], ...] = (
     (r"Record Length,.*,.*,.*,", _tektronix),
     (r"X,.*Increment", _rigol),
     (r".*t0\s*=.*tInc\s*=", _rigol_even),
     (r"LabVIEW Measurement", _labview),
-    (rf"(?:{_PAIR.pattern}){{2,}}[\s,;]*$", _plotter),
 )

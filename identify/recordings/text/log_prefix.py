@@ -36,8 +36,9 @@ def without_log_prefix(text: str) -> tuple[str, tuple[str, ...]]:
     alike = re.compile(r"\s*" + r"\d+".join(_spaced(part) for part in re.split(r"\d+", found)))
     if sum(bool(alike.match(line)) for line in filled) <= _SHARE * len(filled):
         return text, ()
-    above = (alike.sub("", line, count=1) for line in filled[:_AROUND])
-    if not any(len(cells := _cells(line, mark)) == width and not any(map(is_number, cells)) for line in above):
+    above = [_cells(alike.sub("", line, count=1), mark) for line in filled[:_AROUND]]
+    bare_first = alike.match(filled[0]) and all(map(is_number, above[0]))  # no header, which is then complained of
+    if not bare_first and not any(len(cells) == width and not any(map(is_number, cells)) for cells in above):
         return text, ()
     bare = "\n".join(alike.sub("", line, count=1) for line in lines)
     return bare, (f"has what a log puts before each line, left aside: {found.strip()[:40]!r}",)
