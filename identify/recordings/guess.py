@@ -83,6 +83,11 @@ _BY_QUANTITY = {
 _SHARES = ("%", "percent")  # of what a drive can do
 _PUSHES = ("V", "A", "N", "N*m")  # units in which a command is one of a drive
 _GIVEN = frozenset("supply battery bat vbat vbus bus vcc vdd ff feedforward enable limit max min".split())
+# What a column of a few whole numbers says of a drive whose quantity it names: torque_enable is no torque.
+_FLAGS = frozenset(
+    "enable enabled en on off active flag flags fault error state status mode ok ready alarm brake".split()
+)
+_MOST_STATES = 10  # of them
 _SECONDS_MOST = 1e5  # span, a day or so: a clock without a unit that runs further counts smaller ticks
 _MICROSECONDS = 500.0  # ticks a row from which such a clock counts microseconds
 _EPOCHS = ((1e12, "ms"), (1e15, "us"), (1e18, "ns"))  # ticks since 1970, from the year 2001 to 2096
@@ -148,7 +153,9 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         for name, unit in zip(table.names, _units(table), strict=True)
         if time is None or name != time.foreign
     ]
-    aims = [_quantity(name, unit) for name, unit in pairs]
+    held = dict(zip(table.names, table.columns, strict=True))
+    flags = frozenset(name for name, _ in pairs if _stems(name) & _FLAGS and _counts(held[name]))
+    aims = ["" if name in flags else _quantity(name, unit) for name, unit in pairs]
     pairs = [(name, _unit_in(name, unit, unit_of(aim))) for (name, unit), aim in zip(pairs, aims, strict=True)]
     asked = [_asks(name, aim) for (name, _), aim in zip(pairs, aims, strict=True)]
     wishes = ["" if asks else aim for asks, aim in zip(asked, aims, strict=True)]
@@ -163,7 +170,7 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         pulse = bool(words & _PULSES) and _converts(unit, "s")
         leaning, aside = pulse + len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
         share = 1 if unit in _SHARES and not words & _EITHER else 0
-        leaning = leaning or _BY_QUANTITY.get(wish, share)
+        leaning = 0 if foreign in flags else leaning or _BY_QUANTITY.get(wish, share)
         sent = pulse or bool(words & _SENT)
         made.append(Guessed(foreign, name, unit, not plain, asks, leaning - aside, -leaning - aside, aim, sent))
     return _with_references(_with_sides(made))
@@ -235,6 +242,11 @@ def _runs(values: Array) -> bool:
     """Tell whether values go up as a clock does: nearly always, though a counter may wrap and stamps repeat."""
     steps = np.diff(values)
     return bool(len(steps)) and bool(np.mean(steps >= 0.0) > 0.98) and bool(np.any(steps > 0.0))
+
+
+def _counts(values: Array) -> bool:
+    """Tell whether a column has a few whole numbers alone."""
+    return len(seen := np.unique(values)) <= _MOST_STATES and bool(np.all(seen == np.round(seen)))
 
 
 def _tick(values: Array) -> str:

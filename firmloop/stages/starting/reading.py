@@ -104,6 +104,12 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     # Nothing is named as a drive: what an inner loop is asked for moves the plant, not what is read from it.
     if asked and pushed.drives <= 0 and (asked[0].commands or pushed.reads > 0):
         pushed = asked[0]
+    stays = next((each for each in still if each.drives > 0), None)
+    if pushed.drives < 0 and stays is not None:
+        raise IdentifyError(
+            f"{file}: {stays.foreign}, called as what drives a plant is, never changes, and {pushed.foreign} is called "
+            f"as what is read from one: record {stays.foreign} as it changes{_FREELY.format(stays.foreign)}"
+        )
     drive, others = pushed.alone(columns), tuple(each for each in moving if each is not pushed)
     others = tuple(each for each in others if each.foreign not in levels)
     if not others:
@@ -208,7 +214,7 @@ def _outputs(drive: Guessed, others: tuple[Guessed, ...], table: RawTable) -> tu
     likely = [each for each in others if (each.reads, each.known) == most]
     values = {name: values for name, values in zip(table.names, table.columns, strict=True)}
     best = max(likely, key=lambda each: _lagging(values[drive.foreign], values[each.foreign]) if len(likely) > 1 else 0)
-    return (placed or best.alone(others),)
+    return (placed or best.alone((drive, *others)),)
 
 
 def _placed(drive: Guessed, output: Guessed, others: Sequence[Guessed], table: RawTable) -> Guessed:

@@ -125,3 +125,21 @@ def test_what_stands_on_a_scale_is_no_force_that_moves_the_plant(pump: str, scal
 def test_a_thrust_in_grams_is_a_force(said: Said) -> None:
     status, shown = said({"t_s": TIME, "esc_us": 1000.0 + PULSE, "thrust [g]": lagged(PULSE, 9.0, 0.8)})
     assert status == 0 and "-> force_N" in shown
+
+
+@pytest.mark.parametrize("flag", ["torque_enabled", "force_on", "torque_limit_active", "current_status"])
+def test_a_flag_is_none_of_the_quantity_that_it_names(flag: str, said: Said) -> None:
+    columns = {"t_s": TIME, flag: 1.0 * (TIME > 2.0), "out": PULSE, "w_rad_s": lagged(PULSE, 20.0, 0.5)}
+    status, shown = said(columns)
+    assert status == 0 and "out -> speed_rad_s" in shown and f"column {flag} is not used" in shown
+
+
+def test_no_output_is_taken_for_the_input_where_the_input_never_changes(said: Said) -> None:
+    """Both were called temperature_C then, and the file was refused for it."""
+    first = 20.0 + lagged(PULSE, 0.5, 1.0)
+    columns = {"t_s": TIME, "heater_percent": 0.0 * TIME, "temp1_C": first, "temp2_C": lagged(first, 1.0, 2.0)}
+    status, shown = said(columns)
+    assert status == 2 and "heater_percent, called as what drives a plant is, never changes" in shown
+    del columns["heater_percent"]
+    status, shown = said(columns)
+    assert status == 0 and "temperature_C -> temp2_C" in shown
