@@ -196,9 +196,11 @@ def descend(
 def scaled_step(square: Array, pull: Array, determined: float) -> tuple[Array, Array]:
     """Solve square step = pull (n,) with unknowns scaled to one size; return the step, and as it is scaled.
 
-    Directions that are determined less than by `determined` of the best one stay where they are.
+    Directions that are determined less than by `determined` of the best one stay where they are, and so do unknowns
+    without any trace: what rounding makes of them, divided by a size of next to nothing, was a step of 1e130.
     """
-    sizes = np.sqrt(np.maximum(np.diag(square), 1e-300))
+    sizes = np.sqrt(np.maximum(np.diag(square), 0.0))
+    sizes[sizes == 0.0] = np.inf
     scaled = np.linalg.lstsq(square / np.outer(sizes, sizes), pull / sizes, rcond=determined)[0]
     return scaled / sizes, scaled
 

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.host.identify_faults import swing
 from firmloop.cli import main
+from tests.firmloop.columns.test_identify_says import written
 
 PROJECT = """\
 schema = 1
@@ -93,6 +95,20 @@ def test_examine_says_how_far_to_trust(trials: Path, tmp_path: Path, capsys: pyt
     assert document["sensitivity"]["local"]["final"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert set(document["conditioning"]) == {"gain", "time_constant_s"}
     assert (tmp_path / "out" / "project.toml").is_file()
+
+
+def test_windows_are_examined_of_which_one_has_a_start_without_any_trace(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The step of that start was rounding over next to nothing, 1e130, and no refit of any fit by windows settled."""
+    folder = written(tmp_path / "log", swing(np.random.default_rng(100), rows=900))
+    project = folder / "project.toml"
+    project.write_text(project.read_text().replace("[plant]", "[recordings.conditioning]\nwindow_s = 3\n[plant]", 1))
+    assert main(["examine", str(project), "--out", str(tmp_path / "out"), "--draws", "100"]) == 0
+    said = capsys.readouterr().out
+    assert "NOT all explained" not in said
+    low, high = json.loads((tmp_path / "out" / "examination.json").read_text())["monte_carlo"]["ci95"]["damping_ratio"]
+    assert 0.29 < low < high < 0.31
 
 
 def test_a_plant_without_a_free_parameter_has_nothing_to_examine(
