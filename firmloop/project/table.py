@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -178,7 +179,26 @@ def _toml_complaint(file: Path, text: str, message: str) -> str:
     number = place.removeprefix("line ").split(",")[0]
     line = int(number) if number.isdigit() else text.rstrip().count("\n") + 1
     shown = text.split("\n")[line - 1].strip()[:60]
-    return f"{file}:{line}: is not valid TOML: {reason[:1].lower()}{reason[1:]}, at: {_shown(shown)}"
+    return f"{file}:{line}: is not valid TOML: {reason[:1].lower()}{reason[1:]}, at: {_shown(shown)}{_as_toml(shown)}"
+
+
+_TEXT = re.compile(r"\"[^\"]*\"|'[^']*'|#.*")
+_BARE_POINT = re.compile(r"(?<![\w.])([-+]?)(?:(\d+)\.|\.(\d+))((?:[eE][-+]?\d+)?)(?![\w.])")  # .02 or 5.
+_COMMA = re.compile(r"=\s*([-+]?\d+),(\d+)\s*$")
+_NO_EQUALS = re.compile(r"[\w.-]+\s*(?::=?|\s)\s*[-+.\w]")
+
+
+def _as_toml(line: str) -> str:
+    """Say how TOML writes a line that is written as in other languages; empty where it is not."""
+    bare = _TEXT.sub("", line)
+    if _NO_EQUALS.match(bare):
+        return "; write = between a key and its value"
+    if comma := _COMMA.search(bare):
+        return f"; write {comma[1]}.{comma[2]}, or several numbers in brackets"
+    if point := _BARE_POINT.search(bare):
+        sign, before, behind, power = point.groups()
+        return f"; write {sign}{before or 0}.{behind or 0}{power}, with a digit before and behind the point"
+    return ""
 
 
 def _is_finite(value: object) -> TypeGuard[int | float]:

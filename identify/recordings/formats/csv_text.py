@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import re
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -11,7 +12,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.identify.recordings.extent import text_extent
+from firmloop.identify.recordings.extent import text_extent, unzipped
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.recordings.text.calendar_stamps import with_seconds, without_terminal_stamps
@@ -38,8 +39,36 @@ _MINUS = "\u2212"  # of typesetters
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
+# What is no text says so by its first bytes, whatever the file is called.
+_ZIP, _UNPACK = "is a zip archive, as a workbook is", "export its sheet as CSV, or unpack the file in it"
+_PACKED = {
+    b"PK\x03\x04": (_ZIP, _UNPACK),
+    b"\xd0\xcf\x11\xe0": ("is a workbook of Excel", "export its sheet as CSV"),
+    b"BZh": ("is packed by bzip2", "unpack it, or pack it with gzip"),
+    b"\xfd7zXZ": ("is packed by xz", "unpack it, or pack it with gzip"),
+    b"\x89HDF": ("is an HDF5 file", "call it .h5"),
+    b"PAR1": ("is a Parquet file", "call it .parquet"),
+}
+
+
 def read_csv(content: bytes) -> RawTable | Misread:
-    """Parse a header line and rows of numbers; blank lines are skipped, line numbers count them."""
+    """Parse a header line and rows of numbers, packed by gzip or not.
+
+    Blank lines are skipped, line numbers count them.
+    """
+    if content.startswith(b"\x1f\x8b"):
+        try:
+            text = unzipped(content)
+        except (EOFError, zlib.error) as error:
+            return Misread("", f"is not a complete gzip file ({error})", "pack it again, or give the plain text")
+        return text if isinstance(text, Misread) else _read_text(text)
+    return _read_text(content)
+
+
+def _read_text(content: bytes) -> RawTable | Misread:
+    for mark, told in _PACKED.items():
+        if content.startswith(mark):
+            return Misread("", *told)
     if b"\n" not in content:
         content = content.replace(b"\r", b"\n")  # a line's end on old Macs and some terminals
     of_one_line = content.lstrip()[:1] in (b"[", b"{") and len(content) <= MOST_DOCUMENT

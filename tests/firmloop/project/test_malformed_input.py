@@ -147,6 +147,10 @@ BYTES: dict[str, tuple[bytes, str]] = {
     "UTF-16": ("schema = 1\n".encode("utf-16"), "is not UTF-8"),
     "a zero byte": (b"schema = 1\n\x00\n", ":2: is not valid TOML"),
     "a recording": (b"time_s,voltage_V\n0,1\n", ":1: is not valid TOML"),
+    "a point without its zero": (b"schema = 1\nki = -.02e3\n", "; write -0.02e3, with a digit before and behind"),
+    "a point at the end": (b"schema = 1\na = { value = 5., free = true }\n", "; write 5.0, with a digit before"),
+    "a decimal comma": (b"schema = 1\nki = 1,5\n", "; write 1.5, or several numbers in brackets"),
+    "a colon": (b"schema = 1\nki: 3\n", "; write = between a key and its value"),
 }
 
 

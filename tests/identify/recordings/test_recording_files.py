@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import hashlib
 import io
@@ -77,6 +78,10 @@ BAD = {
     "gz that is none": ("r.csv.gz", GOOD.encode(), ["gzip"]),
     "gz cut short": ("r.csv.gz", gzip.compress(GOOD.encode())[:-20], ["gzip"]),
     "gz of junk": ("r.csv.gz", gzip.compress(b"\xff\xfe\xfd"), ["is not text"]),
+    "gz called CSV, cut short": ("r.csv", gzip.compress(GOOD.encode())[:-20], ["not a complete gzip file"]),
+    "zip called CSV": ("r.csv", npz(time_s=np.arange(3.0)), ["is a zip archive", "export its sheet as CSV"]),
+    "bzip2 called CSV": ("r.csv", bz2.compress(GOOD.encode()), ["is packed by bzip2", "gzip"]),
+    "HDF5 called CSV": ("r.csv", b"\x89HDF\r\n\x1a\n" + bytes(50), ["is an HDF5 file", "call it .h5"]),
     "npz that is none": ("r.npz", b"PK\x03\x04 no archive", [".npz"]),
     "npz unequal": ("r.npz", npz(time_s=np.arange(5.0), voltage_V=np.zeros(4)), ["column voltage_V", "4 rows"]),
     "npz of matrices": ("r.npz", npz(time_s=np.arange(5.0), voltage_V=np.zeros((5, 2))), ["5x2", "voltage_V"]),
@@ -91,6 +96,13 @@ BAD = {
     "unknown ending": ("r.xlsx", b"1", ["ending is unknown", ".csv.gz"]),
     "no ending": ("recording", b"1", ["ending is unknown"]),
 }
+
+
+def test_a_gzip_file_that_is_called_csv_is_unpacked(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_bytes(gzip.compress(GOOD.encode()))
+    (tmp_path / "s.csv").write_bytes(GOOD.encode())
+    packed, plain = (read_recording(tmp_path / name, {}) for name in ("r.csv", "s.csv"))
+    assert packed.time.tolist() == plain.time.tolist() and set(packed.columns) == set(plain.columns)
 
 
 @pytest.mark.parametrize("case", BAD)
