@@ -41,6 +41,10 @@ def make_ode(table: Mapping[str, object]) -> Plant:
         wrong = next(iter(sorted(set(derivatives) ^ set(states))))
         rule = "is no state" if wrong in derivatives else "is missing: every state needs one"
         raise IdentifyError(f"plant.derivatives.{wrong} {rule}; the states are {', '.join(states)}")
+    said = str([derivatives, outputs, table.get("balances")])
+    idle = next((name for name in given if not re.search(rf"\b{name}\b", said)), None)
+    if idle is not None:
+        raise IdentifyError(f"plant.parameters.{idle} stands in no expression, so that nothing tells it; remove it")
     constants = tuple(
         read_parameter(
             "ode", PlantConstant(name, unit_of(name), -math.inf, math.inf, open_low=False, guessable=False), given

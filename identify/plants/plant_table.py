@@ -77,7 +77,8 @@ def _check_place(plant: Plant, use: EffectUse) -> None:
     effect = find_effect(use.name)
     where = f"plant.effects: {use.name}"
     if use.output is not None and effect.place not in ("sensor", "flow"):
-        way = f"say where it acts with at = {' or '.join(places_of(plant, effect))}" if use.at is None else "remove it"
+        at = " or ".join(places_of(plant, effect)) if use.at is None else ""
+        way = f"say where it acts with at = {at}" if at else "remove the key"
         raise IdentifyError(f"{where}.output {use.output!r} is not used: it acts on no reading; {way}")
     if use.output is not None and use.at is not None:
         raise IdentifyError(f"{where} has output and at; it needs one of them")
@@ -109,7 +110,8 @@ def _use(entry: object) -> tuple[EffectUse, Mapping[str, float | None]]:
                 raise IdentifyError(f"{where}.{word} is unknown; a parameter has {', '.join(_ENTRY_KEYS)}")
         value, movable = inner.get("value"), inner.get("free", True)
         if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
-            raise IdentifyError(f"{where} is {value!r}; it must be a number or {{ value = ..., free = true }}")
+            others = "" if value is not None and not isinstance(value, str) else "; other keys are name, output and at"
+            raise IdentifyError(f"{where} is {value!r}; it must be a number or {{ value = ..., free = true }}{others}")
         if not isinstance(movable, bool):
             raise IdentifyError(f"{where}.free is {movable!r}; it is true (the fit may change it) or false")
         values[key] = float(value)

@@ -151,6 +151,7 @@ def test_what_is_no_expression_is_shown(text: object) -> None:
         ("balances", {"v_m_s": {"kind": "force", "position": "y"}}, "must be one of the states"),
         ("balances", {"v_m_s": {"kind": "force", "effort": "force_N**2"}}, "linear"),
         ("parameters", {"m-kg": 1.0}, "letters, digits"),
+        ("parameters", {**SPRING["parameters"], "spare": 1.0}, "spare stands in no expression"),
     ],
 )
 def test_a_wrong_ode_is_named(key: str, value: object, said: str) -> None:

@@ -129,6 +129,8 @@ def test_a_superset_keeps_an_effect_of_another_body():
         ({"name": "coulomb_friction", "output": "speed_rad_s", "torque_N_m": 0.2}, r"output 'speed_rad_s' is not used"),
         ({"name": "sensor_gain", "at": "w2", "gain": 1.1}, r"sensor_gain\.at 'w2' is no state .* remove the key"),
         ({"name": "dead_zone", "at": "w2", "half_width_N_m": 0.1}, r"dead_zone\.at 'w2' is no state .* remove the key"),
+        ({"name": "dead_zone", "output": "speed_rad_s", "half_width_N_m": 0.1}, r"is not used: .*; remove the key"),
+        ({"name": "coulomb_friction", "at": "w2", "torque_N_m": 0.2, "on": "w1"}, "other keys are name, output and at"),
         ({"name": "coulomb_friction", "at": 2, "torque_N_m": 0.2}, r"at is 2; it must be the state of a balance"),
         ({"name": "brush_drop", "at": "w2", "voltage_V": 0.2}, r"brush_drop needs a voltage of the plant"),
     ],
