@@ -127,6 +127,7 @@ def about_loop(loop: Loop) -> list[str]:
     """Margins and step metrics, no digits that the plant's intervals do not hold."""
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
     rows = [(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]
+    note += [f"  note: {loop.near_rest}"] if loop.near_rest else []
     return table(rows) + note + _about_the_rate(loop) + about_reach(loop.beyond) + _about_points(loop)
 
 

@@ -25,7 +25,7 @@ from firmloop.design.design import Design
 from firmloop.design.law import DesignError, Horizon
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.plant import Plant
-from firmloop.identify.simulation.linearize import Linear, linearize
+from firmloop.identify.simulation.linearize import Linear, bends, linearize
 from firmloop.project.project import Project
 from firmloop.project.table import ProjectError
 from firmloop.quantize.twins.qp import optimum
@@ -49,6 +49,7 @@ class Loop:
     points: tuple[tuple[str, Margins], ...]  # at each operating point, where the controller has several
     bode: Bode | None = None
     beyond: Beyond | None = None  # a reference that the actuator cannot hold the plant at
+    near_rest: str = ""  # why all of this holds near states and inputs of 0 alone
 
 
 def analyze(project: Project, designed: Design, plant: Plant) -> Loop | None:
@@ -84,7 +85,16 @@ def _closed(designed: Design, plant: Plant, linear: Linear) -> Loop:
     to_rest = samples_to_rest(law, linear) * law.period if found.stable else 0.0
     followed = bode(law, plant, found.crossover_rad_s)
     beyond = beyond_reach(law.inputs, law.outputs, plant, linear)
-    return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond)
+    return Loop(found, step, metrics, half_widths(plant, figures), to_rest, points, followed, beyond, near_rest(plant))
+
+
+def near_rest(plant: Plant) -> str:
+    """Say what a linear judgement of a plant rests on that is not linear; blank where it is."""
+    bent = bends(plant)
+    return bent and (
+        f"the equation of {bent} is not linear, and gains and margins rest on its slopes with states and inputs at 0; "
+        "for a loop that works elsewhere, write the plant in deviations from there"
+    )
 
 
 def runs_away(project: Project, designed: Design, plant: Plant | None) -> tuple[bool, str]:
@@ -96,7 +106,8 @@ def runs_away(project: Project, designed: Design, plant: Plant | None) -> tuple[
         return False, ""
     try:
         with located(project):
-            return not settles(designed.law, linearize(plant)), ""
+            away = not settles(designed.law, linearize(plant))
+            return away, "" if away else near_rest(plant)
     except (DesignError, IdentifyError, ProjectError) as error:
         return False, str(error)
 

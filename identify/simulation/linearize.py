@@ -60,6 +60,17 @@ def _no_slope(plant: Plant, found: Linear) -> str:
     )
 
 
+def bends(plant: Plant) -> str:
+    """Name the state or output whose equation has other slopes elsewhere than at 0, effects apart; blank for none."""
+    x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
+    forms = (*ca.vertsplit(plant.rate(x, u, p)), *ca.vertsplit(plant.reading(x, u, p)))
+    place = ca.vertcat(x, u)
+    bent = (ca.depends_on(ca.jacobian(form, place), place) for form in forms)
+    return next(
+        (each.name for each, is_bent in zip((*plant.states, *plant.outputs), bent, strict=False) if is_bent), ""
+    )
+
+
 def _bare(plant: Plant) -> Linear:
     x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
     rate, reading = plant.rate(x, u, p), plant.reading(x, u, p)

@@ -34,3 +34,16 @@ def test_gains_that_are_given_are_generated_whatever_the_plant_and_the_loop_is_s
     (tmp_path / "p.toml").write_text(TANK.replace("value = 0.0,", "value = 0.4,"))
     assert main(["generate", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 0
     assert "cannot be told" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("verb", ["design", "generate"])
+def test_a_plant_that_is_not_linear_is_said_to_be_judged_by_its_slopes_at_0(
+    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = TANK.replace("value = 0.0,", "value = 0.4,")
+    (tmp_path / "p.toml").write_text(text)
+    assert main([verb, str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert "not linear" not in capsys.readouterr().out
+    (tmp_path / "p.toml").write_text(text.replace(" / area_m2", " / area_m2 - 0.01*sqrt(level_m + 0.1)", 1))
+    assert main([verb, str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert "the equation of level_m is not linear, and gains and margins rest on" in capsys.readouterr().out
