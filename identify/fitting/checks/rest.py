@@ -92,8 +92,8 @@ def _in_motion(output: Signal, level: float, reading: float) -> str:
     unit = f" {output.unit}".rstrip()
     return (
         f"{output.name} is met better by {level:.4g}{unit} more than the plant gives, but reads {reading:.4g}{unit} "
-        "before anything drives it: no level at rest, but dry friction, a dead zone, a load or an answer that is no "
-        "straight line; `firmloop diagnose` says which"
+        "before anything drives it: no level at rest, but dry friction, a dead zone, a load, a lag or a delay that the "
+        "plant lacks, or an answer that is no straight line; `firmloop diagnose` says which"
     )
 
 
