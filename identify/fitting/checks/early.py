@@ -24,6 +24,7 @@ from firmloop.identify.fitting.covariance import untold
 from firmloop.identify.fitting.evidence import Evidence, sources_of
 from firmloop.identify.fitting.fit import Fit, estimate, tried
 from firmloop.identify.plants.attach import EffectUse, parameters_of, with_effects
+from firmloop.identify.plants.effects import applies, effects, find_effect
 from firmloop.identify.recordings.conditioning import find_lag, interpolate
 from firmloop.identify.recordings.recording import Recording
 
@@ -33,7 +34,7 @@ _ALIGNED = 0.25  # rows: more than that is half of what is left, or more
 _TURNS = 8
 _SMALLER = 0.6  # of what the fit leaves of an output: so little is left once it is shifted
 _MENDED = 0.25  # of it, if it is no noise: beside friction 0.1 to 0.18 was left, beside a filter elsewhere 0.28 to 0.42
-_LATE = (("sensor_lag", 1.0), ("sensor_lag", 4.0), ("sensor_delay", 1.0))  # and where a fit begins, in leads
+_BEGINS = (1.0, 4.0)  # leads, where the fit of a late reading begins
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +84,13 @@ def _late(evidence: Evidence, shift: _Shift) -> Fit | None:
     """Return the best fit in which another output is read late, where that leaves less than the shift does."""
     given, about = evidence.given, max(shift.rows.values()) * _step(evidence.recordings[0])
     rivals = []
-    for name, (effect, times) in product((each for each in shift.fit.noise if each not in shift.rows), _LATE):
-        (behind,) = parameters_of(given, effect, name)
-        use = EffectUse(effect, name, {behind.name: times * about}, (behind.name,))
+    others = [name for name in shift.fit.noise if name not in shift.rows]
+    sensors = [each.name for each in effects().values() if each.place == "sensor" and applies(each, given)]
+    for name, effect, times in product(others, sensors, _BEGINS):
+        behind = parameters_of(given, effect, name)
+        if [each.unit for each in behind] != ["s"]:  # by which it is late
+            continue
+        use = EffectUse(effect, name, {behind[0].name: times * about}, (behind[0].name,))
         if all(each.name != effect or each.output not in (None, name) for each in given.effects):
             rivals.append(tried(with_effects(given, [*given.effects, use]), evidence.recordings, evidence.conditioning))
     sizes = [(sum(map(math.log, each.noise.values())), each) for each in (shift.fit, *rivals) if each is not None]
@@ -125,12 +130,12 @@ def _told_late(evidence: Evidence, shift: _Shift, late: Fit) -> str:
     behind = next(each for each in late.plant.parameters if each.name.startswith(f"{use.name}.{use.output}."))
     before = evidence.fit.noise
     early = max(shift.rows, key=lambda name: before[name] / late.noise[name])
-    key, how = behind.name.rpartition(".")[2], "through a filter" if use.name == "sensor_lag" else "late"
+    key, why = behind.name.rpartition(".")[2], find_effect(use.name).says
+    left = f"{late.noise[early]:.3g} instead of {before[early]:.3g} {_unit(late, early)}"
     return (
-        f"{use.output} of {sources_of(evidence.recordings)} is read {how}: with a {key} of {behind.value:.3g}, "
-        f"{late.noise[early]:.3g} instead of {before[early]:.3g} {_unit(late, early)} rms is left of "
-        f'{early}; give the plant [[plant.effects]] with name = "{use.name}", output = "{use.output}" and '
-        f"{key} = {{ value = {behind.value:.3g}, free = true }}"
+        f"{use.output} of {sources_of(evidence.recordings)} is read late, for {why}: with a {key} of "
+        f"{behind.value:.3g}, {left} rms is left of {early}; give the plant [[plant.effects]] with name = "
+        f'"{use.name}", output = "{use.output}" and {key} = {{ value = {behind.value:.3g}, free = true }}'
     )
 
 
