@@ -27,7 +27,7 @@ Judged = list[tuple[str, str]]  # claim, and who judged it
 NOT_JUDGED = (
     "the rounding bounds and the search for limit cycles in proof.json: `firmloop verify` measures them",
     "the program id by itself: that proof.json, header and manifest.json name the same one is compared",
-    "what only explains: units, margins, arguments in words, comments; the test, the vectors and the build files",
+    "what explains: units, fractions, margins, arguments in words, comments; the test, the vectors, the build files",
 )
 
 

@@ -261,6 +261,8 @@ def _parameter(row: Mapping[str, Any], fixed: bool) -> tuple[str, Number, Number
 
 def _operation(row: Mapping[str, Any], fixed: bool) -> ClaimedOperation:
     result = _held(row, "operations", fixed)
+    if row.get("product_word") not in (None, 64):
+        raise ProofError(f"{result.name}: a product of {str(row['product_word'])[:40]} bits is claimed; all have 64")
     return ClaimedOperation(result, _text(row, "function", result.name), _arguments(row, result.name, fixed))
 
 

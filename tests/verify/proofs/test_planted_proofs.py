@@ -200,6 +200,7 @@ READ: dict[str, Change] = {
     "a huge range": put("operations", 0, "high", 10**40),
     "bits that are no word": put("operations", 0, "bits", 128),
     "bits and word differ": put("operations", 0, "word", 64),
+    "a product of the word's own size": put("operations", 0, "product_word", 32),
     "a truth value as bits": put("state", 0, "bits", True),
     "a range of an operation beyond its word": put("operations", 0, "high", 2**31),
     "a state beyond its word": put("state", "integral", "high", 2**31),
