@@ -29,6 +29,8 @@ from firmloop.identify.simulation.simulate import course_of, measured
 Array = NDArray[np.float64]
 
 _FORGOTTEN = 1e-12  # of an output's spread per unit of an initial state
+_STRETCHES = (1 / 64, 1 / 16, 1 / 4)  # of a recording, over which a fit of where it begins grows
+_ROWS_PER_STATE = 4  # of a stretch: fewer tell next to nothing
 _HELD = 1e-4  # of all slopes: a direction of the initial state that leaves next to no trace
 
 
@@ -173,13 +175,16 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
 
     Exact after one step where the plant is linear. A direction of the state that leaves no trace stays as guessed,
     which is why a vessel that may not have been empty needs the second guess, and what dry friction holds at rest one
-    that moves as far as the outputs do.
+    that moves as far as the outputs do. What swings freely has another phase behind every swing that a guess is off:
+    there a fit grows over the recording.
     """
     if not len(guess):  # a plant without memory
         return guess
     usual = simulator.usual_state(made.course, constants, guess)
     usual[list(made.known)] = guess[list(made.known)]
-    guesses = [guess] if np.array_equal(usual, guess) else [guess, usual]
+    guesses = [guess]
+    if not np.array_equal(usual, guess):
+        guesses += [usual, _over_stretches(made, simulator, constants, guess, weights)]
     small = _start_triangle(made, simulator, constants, guess, weights)
     if small is not None:
         pace = float(np.max(np.ptp(made.target, axis=0))) / (made.course.step * len(made.target))
@@ -187,14 +192,34 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
             if np.linalg.norm(small[:, held]) < _HELD * np.linalg.norm(small[:, :-1]):
                 guesses += [guess + sign * pace * (np.arange(len(guess)) == held) for sign in (1.0, -1.0)]
 
+    found = [_descended(made, simulator, constants, each, weights) for each in guesses]
+    return min(found, key=lambda each: each[0])[1]
+
+
+def _over_stretches(made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array) -> Array:
+    """Return the initial state (n,) that stretches from the first row on, each longer than the last, are met with."""
+    for share in _STRETCHES:
+        rows = int(share * len(made.measured))
+        if rows <= _ROWS_PER_STATE * len(guess):
+            continue
+        part = replace(made, course=replace(made.course, end=made.course.first + rows), measured=made.measured[:rows])
+        part = replace(part, target=conditioned(part, part.measured))
+        guess = _descended(part, simulator, constants, guess, weights)[1]
+    return guess
+
+
+def _descended(
+    made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array
+) -> tuple[float, Array]:
+    """Fit the initial state (n,) from one guess: (cost, place)."""
+
     def cost_at(start: Array) -> float:
         return missed(made, simulator, constants, start, weights)
 
     def reduced_at(start: Array) -> Array | None:
         return _start_triangle(made, simulator, constants, start, weights)
 
-    found = [descend(cost_at, reduced_at, each) for each in guesses]
-    return min(found, key=lambda each: each[0])[1]
+    return descend(cost_at, reduced_at, guess)
 
 
 def _start_triangle(

@@ -11,7 +11,7 @@ from firmloop.identify.fitting.checks import clock_unit, drift
 from firmloop.identify.fitting.evidence import Evidence, Explanation
 from firmloop.identify.fitting.experiment import experiments
 from firmloop.identify.fitting.fit import fit
-from firmloop.identify.fitting.own_values import usual_start
+from firmloop.identify.fitting.own_values import fit_start, usual_start
 from firmloop.identify.fitting.problem import bounded, make_problem
 from firmloop.identify.fitting.stretches import stretches
 from firmloop.identify.plants.attach import EffectUse, with_effects
@@ -58,6 +58,17 @@ def swinging(drive: float) -> Recording:
 def test_a_free_swing_begins_as_its_readings_do_whatever_its_states_are_called() -> None:
     assert usual_start(PENDULUM, swinging(0.0)) == pytest.approx([1.2, -2.0], abs=1.5)
     assert np.all(usual_start(PENDULUM, swinging(0.1)) == 0.0)
+
+
+def test_a_swing_of_two_minutes_is_met_from_where_it_begins_swing_by_swing() -> None:
+    """Its readings lead off by a third of a speed as it begins, and each swing later by more."""
+    time = np.arange(0.0, 110.0, 0.02)
+    still = {"torque_N_m": 0.0 * time, "swing_rad": 0.0 * time}
+    moved = simulate(PENDULUM, make_recording(time, still, "swing.csv", ""), np.array([-0.49, 4.8]))[:, 0]
+    readings = moved + 4e-4 * np.random.default_rng(2).normal(size=len(time))
+    recording = make_recording(time, {**still, "swing_rad": readings}, "swing.csv", "")
+    start = fit_start(PENDULUM, recording, constants_of(PENDULUM), NONE)
+    assert start == pytest.approx([-0.49, 4.8], abs=1e-3)
 
 
 def test_what_moves_by_itself_begins_as_it_reads_behind_a_sensor_that_lags() -> None:
