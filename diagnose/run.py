@@ -26,7 +26,7 @@ from firmloop.diagnose.search.harmless import (
     EVERYWHERE,
     FIRST,
     Simulations,
-    harmless,
+    harmed,
     held,
     plain_refit,
     simulated_figures,
@@ -123,9 +123,9 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     if explained:
         # What was kept as safe harms no simulation of train that begins where all its readings say.
         begins = {"train": FIRST if safe else EVERYWHERE, "test": EVERYWHERE}
-        harmed = [role for role, each in freely.items() if not harmless(each["after"], each["refit"], begins[role])]
-        if harmed:
-            finding, written = withheld(finding, harmed[0]), refit
+        worse = {role: harmed(each["after"], each["refit"], begins[role]) for role, each in freely.items()}
+        if any(worse.values()):
+            finding, written = withheld(finding, worse), refit
     if written is refit:
         freely = {role: {**each, "after": each["refit"]} for role, each in freely.items()}
     figures = simulated_figures(freely)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import scipy
@@ -128,17 +129,20 @@ def spoiled(finding: Finding) -> Finding:
     return replace(none, verdict="unknown_physics", says=(said, *others))
 
 
-_HARMED = {
-    "train": "begun where the readings of a train recording say, what explains it leads a simulation further off, as "
-    "where a start that is read a hair off ends elsewhere.",
-    "test": "what explains the train recordings simulates a test recording worse. Something differs between these "
-    "recordings; take one more like the test recording into train.",
-}
-
-
-def withheld(finding: Finding, harmed: str) -> Finding:
-    """Return the finding where its explanation simulates what it harms, "train" or "test", worse than the refit."""
-    return replace(finding, says=(*finding.says, f"The written project is the plain refit: {_HARMED[harmed]}"))
+def withheld(finding: Finding, harmed: Mapping[str, Sequence[str]]) -> Finding:
+    """Return the finding where its explanation simulates files `harmed`, of "train" or "test", worse than the refit."""
+    if names := [Path(each).name for each in harmed["train"]]:
+        why = (
+            f"begun where the readings of {', '.join(names)} say, what explains it leads a simulation further off, as "
+            "where a start that is read a hair off ends elsewhere."
+        )
+    else:
+        names = [Path(each).name for each in harmed["test"]]
+        why = (
+            f"what explains the train recordings simulates {', '.join(names)} worse. Something differs between these "
+            "recordings; take one more like that into train."
+        )
+    return replace(finding, says=(f"The written project is the plain refit: {why}", *finding.says))
 
 
 def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tuple[Verdict, tuple[Candidate, ...]]:

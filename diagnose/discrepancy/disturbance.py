@@ -9,27 +9,24 @@ from numpy.typing import NDArray
 
 from firmloop.diagnose.discrepancy.locate import nominal_plant
 from firmloop.diagnose.finding import Disturbance
-from firmloop.diagnose.model.candidate import rms_of
 from firmloop.diagnose.model.disturbed_plant import followed, groups
 from firmloop.diagnose.model.fit import fit_starts
-from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
-    COLORED_SENSOR,
     HELD_INPUT,
     MOST_SMOOTHED_ROWS,
     RIVALS_DRIVE,
 )
 from firmloop.diagnose.search.found import Search
-from firmloop.identify.fitting.checks.structure import answering, features
-from firmloop.identify.fitting.noise import flat, oversized
+from firmloop.diagnose.search.simulation_error import answered, unlike_noise
+from firmloop.identify.fitting.noise import flat
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.engine import effect_simulator
 from firmloop.identify.simulation.linearize import linearize
-from firmloop.identify.simulation.simulate import course_of, rest_start
+from firmloop.identify.simulation.simulate import constants_of, course_of, rest_start
 from firmloop.identify.simulation.superset import along
 
 Array = NDArray[np.float64]
@@ -38,43 +35,39 @@ Array = NDArray[np.float64]
 def rivals_noise(search: Search) -> bool:
     """Tell whether what the plant alone leaves is more than noise may be, and than a disturbance below half the drive.
 
-    More than noise may be in its slow part, or far more than a sensor's own. Where a balance is known: a push that is
-    little beside the drive may lead a position far away. What answers the input is no disturbance, however little.
+    What answers the input in most recordings is no disturbance, however little; of what is more than noise may be in
+    its slow part, or far more than a sensor's own, one recording tells as much. Where a balance is known: a push that
+    is little beside the drive may lead a position far away.
     """
     problem, alone = search.problem, search.nominal
+    answers = _answers(search)
+    if 2 * sum(answers) > len(answers):
+        return True
+    if not unlike_noise(problem, alone):
+        return False
+    if any(answers):
+        return True
     residuals = alone.fitted.residuals
     noise = sensor_noises(residuals, problem.floors)
-    if not oversized(alone.noises) and not np.any(rms_of(residuals) > COLORED_SENSOR * np.array(noise)):
-        return False
-    if _answers(search):
-        return True
     found = disturbances(nominal_plant(search, alone), problem.train, residuals, noise)
     shares = [each.share for each in found.values() if each.share is not None]
     return not shares or max(shares) > RIVALS_DRIVE
 
 
-def _answers(search: Search) -> bool:
-    """Tell whether an input that no controller made explains some of what the plain refit leaves.
+def _answers(search: Search) -> list[bool]:
+    """Tell of each recording whose input no controller made whether that explains some of what the plain refit leaves.
 
     A controller answers a disturbance; an input that stands still in most rows was not made by one.
     """
     problem, refit = search.problem, search.refit
     if refit is None or len(refit.inputs) != 1:
-        return False
+        return []
     drive = refit.inputs[0].name
     still = [k for k, each in enumerate(problem.train) if np.mean(np.diff(each.columns[drive]) == 0.0) > HELD_INPUT]
     if not still:
-        return False
-    plant = with_effects(refit, ())
+        return []
     point = fit_starts(problem, problem.train, {p.name: p.value for p in refit.parameters}, flat(search.nominal.noises))
-    for k in still:
-        recording = problem.train[k]
-        left = residual_of(problem, recording, point, k)
-        if np.all(np.isfinite(left)):
-            given = features(plant, recording, outputs_of(problem, recording) - left)
-            if any(answering(column, given) > 0.0 for column in left.T):
-                return True
-    return False
+    return answered(problem, refit, {k: residual_of(problem, problem.train[k], point, k) for k in still})
 
 
 def disturbances(
@@ -154,7 +147,7 @@ def balance_unit(plant: Plant, balance: Balance) -> str:
         return plant.outputs[0].unit
     if balance.kind in _UNITS:
         return _UNITS[balance.kind]
-    constants = np.array([each.value for each in plant.parameters])
-    shares = linearize(plant).b[balance.state] / float(balance.per(constants))
+    bare = with_effects(plant, ())
+    shares = linearize(bare).b[balance.state] / float(balance.per(constants_of(bare)))
     same = [signal.unit for signal, share in zip(plant.inputs, shares, strict=True) if abs(share - 1.0) < 1e-9]
     return same[0] if same else ""

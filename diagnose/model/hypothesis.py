@@ -101,6 +101,7 @@ class Problem:
     memory: dict[tuple[object, ...], Array]  # what an initial state does to the outputs, see refit.start_slopes
     direct: tuple[Direct, ...]  # read off before any fit; the recordings are without them
     hidden: Mapping[int, tuple[int, int]] = field(default_factory=dict)  # by id of a recording: rows that count nothing
+    weights: Mapping[int, Array] = field(default_factory=dict)  # (r,) by id of a recording: factors on what it leaves
 
     def term(self, name: str) -> LibraryTerm | None:
         """Return the first term of that effect."""

@@ -31,9 +31,11 @@ def residual_of(problem: Problem, recording: Recording, point: Point, index: int
 
 
 def _shown(problem: Problem, recording: Recording, rows: Array) -> Array:
-    """Return rows (n, ...) with those that are hidden of the recording as zeros; they are changed in place."""
+    """Return rows (n, r, ...) as they count: those that are hidden not at all; they are changed in place."""
     first, end = problem.hidden.get(id(recording), (0, 0))
     rows[first:end] = 0.0
+    if problem.weights:
+        rows *= problem.weights[id(recording)].reshape(1, -1, *[1] * (rows.ndim - 2))
     return rows
 
 

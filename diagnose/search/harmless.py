@@ -107,7 +107,13 @@ class Simulations:
 
 def harmless(written: Simulations, refit: Simulations, starts: Sequence[Start] = EVERYWHERE) -> bool:
     """Tell whether a plant simulates every output of every recording no worse than the refit, wherever it begins."""
-    return no_worse(written.from_starts(starts), refit.from_starts(starts))
+    return not harmed(written, refit, starts)
+
+
+def harmed(written: Simulations, refit: Simulations, starts: Sequence[Start] = EVERYWHERE) -> tuple[str, ...]:
+    """Return the files of the recordings some output of which a plant simulates worse than the refit."""
+    worse = _worse(written.from_starts(starts), refit.from_starts(starts))
+    return tuple(each.source for each, far in zip(written.recordings, worse, strict=True) if far)
 
 
 def no_worse(rms: Array, refit: Array) -> bool:
@@ -116,8 +122,13 @@ def no_worse(rms: Array, refit: Array) -> bool:
     The last start is where readings say. A recording that the refit simulates far nearer from there than from rest
     begins in motion: from rest it tells nothing.
     """
+    return not np.any(_worse(rms, refit))
+
+
+def _worse(rms: Array, refit: Array) -> NDArray[np.bool_]:
+    """Tell of each recording (recordings,) whether a plant leaves more of it than the refit, see `no_worse`."""
     moving = np.any(CLOSER_RMS * refit > refit[-1], axis=2, keepdims=True)
-    return bool(np.all((rms <= SAME_RMS * refit) | moving))
+    return np.asarray(np.any(~((rms <= SAME_RMS * refit) | moving), axis=(0, 2)))
 
 
 def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:

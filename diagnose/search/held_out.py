@@ -16,18 +16,27 @@ from firmloop.diagnose.model.candidate import (
     beyond_chance,
     by_simulation_error,
     clearly_nearer,
+    memories,
     residual_sizes,
 )
 from firmloop.diagnose.model.fit import Fitted, ended, fit, inverse, noises_of, strength, with_other_answer
 from firmloop.diagnose.model.hypothesis import LibraryTerm
 from firmloop.diagnose.model.scale_doubt import with_doubt_of_given
-from firmloop.diagnose.policy import CLOSER_RMS, LEVELLED_WITHIN, NEARER_RMS, SAME_RMS, SHAPE_SHARE, WIDER_RMS
+from firmloop.diagnose.policy import (
+    CLOSER_RMS,
+    EXCHANGE_PATIENCE,
+    LEVELLED_WITHIN,
+    NEARER_RMS,
+    SAME_RMS,
+    SHAPE_SHARE,
+    WIDER_RMS,
+)
 from firmloop.diagnose.search.exchange import slimmer
-from firmloop.diagnose.search.found import Search, as_near, near_best
+from firmloop.diagnose.search.found import Search, as_near, candidates_of, near_best
 from firmloop.diagnose.search.harmless import Simulations, no_worse, same_function
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
-from firmloop.diagnose.search.simulation_error import independent
+from firmloop.diagnose.search.simulation_error import independent, misfits
 from firmloop.identify.fitting.noise import oversized, white
 from firmloop.identify.normal import NORMAL_95
 
@@ -89,11 +98,11 @@ class _Bench:
         return _Part(search, safe, self.left_out(search), seen if np.isfinite(seen) else 0.0)
 
     def plain(self, found: Search) -> _Part:
-        """Return a fit of the best's effects by plain simulation error, one that harms no output where there is one."""
+        """Return a fit of the best's effects by plain simulation error, one that harms nothing where there is one."""
         part = self.part(found)
-        if part.safe or len(found.problem.plant.outputs) == 1:
+        if part.safe or self.refit_rms[1].size == 1 or not np.all(np.isfinite(self.refit_rms[1])):
             return part
-        other = self.part(_untraded(found, np.sqrt(np.mean(self.refit_rms[1] ** 2, axis=0))))
+        other = self.part(_untraded(found, self.refit_rms[1]))
         return other if other.safe else part
 
     def left_out(self, found: Search) -> LeftOut:
@@ -137,12 +146,41 @@ def holding(found: Search, refit: Simulations) -> Kept:
     long as it is clearly nearer without; and those that may be none by their own intervals, unless it is nearer with
     them than by chance.
     """
-    bench = _Bench(refit)
+    bench, found = _Bench(refit), _as_simulated(found)
     if not found.best.fitted.terms:
         return Kept(found, bench.left_out(found).figures)
     kept = _kept(found, bench)
     kept = kept if kept.search is not None else _rival(found, bench) or kept
     return kept if kept.search is None else kept._replace(search=_doubted(kept.search, found.best.fitted))
+
+
+def _as_simulated(found: Search) -> Search:
+    """Return the search with what simulates nearest for the number of its values as its best, where a misfit is left.
+
+    Innovations tell of noise. Of explanations that all leave what answers the input, details of that would decide; they
+    are told apart by what they leave in independent samples (BIC), and what those do not tell apart by no
+    more values stands beside.
+    """
+    problem, best = found.problem, found.best
+    if not best.fitted.terms or not misfits(found):
+        return found
+    tried, until = [_plainly(found, best.fitted).best], problem.engine.steps + EXCHANGE_PATIENCE
+    for other in candidates_of(found):
+        if problem.engine.steps < until and believable((plain := _plainly(found, other.fitted).best).fitted):
+            tried.append(plain)
+    samples = sum(map(len, best.fitted.residuals)) / memories(tried[0].fitted.residuals)
+    scores = [
+        float(2.0 * samples @ np.log(residual_sizes(each.fitted.residuals)))
+        + len(each.fitted.coordinates) * float(np.log(np.sum(samples)))
+        for each in tried
+    ]
+    least = int(np.argmin(np.nan_to_num(scores, nan=np.inf)))  # one that has diverged is none
+    rated = [replace(each, score=best.score + own - scores[least]) for each, own in zip(tried, scores, strict=True)]
+    count = len(best.fitted.terms)
+    rounds = tuple(tuple(each for each in turn if len(each.fitted.terms) != count) for turn in found.rounds)
+    values = len(tried[least].fitted.coordinates)
+    beside = tuple(each for each in rated if each is not rated[least] and len(each.fitted.coordinates) <= values)
+    return replace(found, best=rated[least] if least else best, rounds=(*rounds, beside))
 
 
 def _doubted(kept: Search, before: Fitted) -> Search:
@@ -184,7 +222,7 @@ def _kept(found: Search, bench: _Bench) -> Kept:
     if oversized(noises_of(found.problem, fitted.residuals)):
         most = CLOSER_RMS
     if not here.safe:  # what is right may begin nowhere that readings say
-        noisy = not oversized(found.nominal.noises) and whole.ratio < 1.0
+        noisy = not oversized(found.nominal.noises) and whole.ratio < NEARER_RMS
         right = [each for each in (here, whole) if each.foresees] or ([whole] if noisy else [])
         best = min(right, key=lambda each: each.ratio, default=None)
         return Kept(None, here.left.figures) if best is None else Kept(best.search, best.left.figures, best.safe)
@@ -272,17 +310,24 @@ def _plainly(found: Search, begin: Fitted) -> Search:
 
 
 def _untraded(found: Search, left: Array) -> Search:
-    """Return the search with its best fitted anew, each output weighed by what the refit has `left` (r,) of it.
+    """Return the search with its best fitted anew, each output of each recording weighed by what the refit has `left`.
 
-    So none is traded for another. What that leaves uncertain is the sandwich of Huber, filled by independent samples.
+    `left` (recordings, r) is rms. So none is traded for another. What that leaves uncertain is the sandwich of Huber,
+    filled by independent samples.
     """
     problem = found.problem
-    fitted = by_simulation_error(problem, found.best.fitted, np.maximum(np.maximum(left, problem.floors), 1e-30))
-    fitted, noises = ended(problem, fitted, fitted.noises), independent(fitted.residuals)
+    left = np.maximum(np.maximum(left, problem.floors), 1e-30)
+    sizes = np.sqrt(np.mean(left**2, axis=0))
+    weights = {id(each): own for each, own in zip(problem.train, sizes / left, strict=True)}
+    weighed = replace(problem, memory={}, weights=weights, floors=problem.floors * np.min(sizes / left, axis=0))
+    fitted = by_simulation_error(weighed, found.best.fitted, sizes)
+    fitted, noises = ended(weighed, fitted, fitted.noises), independent(fitted.residuals)
     filling = [white(one.scale**2 / other.scale) for one, other in zip(fitted.noises, noises, strict=True)]
-    inner = fit(problem, problem.train, fitted.terms, fitted.point, filling, 0).normal
-    fitted = replace(fitted, noises=noises, normal=fitted.normal @ inverse(inner) @ fitted.normal)
-    fitted = with_doubt_of_given(problem, fitted)
+    inner = fit(weighed, weighed.train, fitted.terms, fitted.point, filling, 0).normal
+    plain = fit(problem, problem.train, fitted.terms, fitted.point, fitted.noises, 0).residuals
+    noises = independent(plain)
+    normal = fitted.normal @ inverse(inner) @ fitted.normal
+    fitted = with_doubt_of_given(problem, replace(fitted, residuals=plain, noises=noises, normal=normal))
     return replace(found, best=replace(found.best, fitted=fitted, noises=noises))
 
 

@@ -58,6 +58,8 @@ def _foretold(own: Plant, recordings: Sequence[Recording], starts: Sequence[Arra
         (part,) = experiments(own, recording, NONE)
         begin = np.concatenate([start, np.zeros(len(own.states) - len(start))])
         residual, slopes = misfit(part, simulator(own, recording.hold), constants_of(own), begin, ())
+        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(slopes))):
+            return np.full(len(sizes), np.inf)
         tall = (slopes / sizes[:, None]).reshape(-1, slopes.shape[2])
         step = np.linalg.lstsq(tall, (residual / sizes).ravel(), rcond=1e-9)[0]
         left.append(residual - slopes @ step)

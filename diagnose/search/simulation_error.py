@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import memories, rms_of
+from firmloop.diagnose.model.candidate import Candidate, memories, rms_of
 from firmloop.diagnose.model.fit import Fitted
-from firmloop.diagnose.model.hypothesis import LibraryTerm
-from firmloop.diagnose.policy import LOST_SHARE, NEARER_RMS, SLOW_RMS
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, outputs_of
+from firmloop.diagnose.model.sensor_noise import sensor_noises
+from firmloop.diagnose.policy import COLORED_SENSOR, LOST_SHARE, NEARER_RMS, SLOW_RMS
 from firmloop.diagnose.search.found import Search
-from firmloop.identify.fitting.noise import Noise
+from firmloop.identify.fitting.checks.structure import answering, features
+from firmloop.identify.fitting.noise import Noise, oversized
+from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -23,6 +27,32 @@ def strays(found: Search) -> bool:
     spreads = [np.concatenate([each.columns[s.name] for each in problem.train]).std() for s in problem.plant.outputs]
     large = any(noise.rms > LOST_SHARE * spread for noise, spread in zip(noises, spreads, strict=True))
     return large and max(noise.rms / noise.scale for noise in noises) > SLOW_RMS
+
+
+def unlike_noise(problem: Problem, candidate: Candidate) -> bool:
+    """Tell whether an explanation leaves more than noise may be, or far more of some output than its sensor's own."""
+    residuals = candidate.fitted.residuals
+    sensors = np.array(sensor_noises(residuals, problem.floors))
+    return oversized(candidate.noises) or bool(np.any(rms_of(residuals) > COLORED_SENSOR * sensors))
+
+
+def misfits(search: Search) -> bool:
+    """Tell whether the input explains some of what the best leaves in most recordings, where that is unlike noise."""
+    problem, best = search.problem, search.best
+    if search.refit is None or len(search.refit.inputs) != 1 or not unlike_noise(problem, best):
+        return False
+    answers = answered(problem, search.refit, dict(enumerate(best.fitted.residuals)))
+    return 2 * sum(answers) > len(answers)
+
+
+def answered(problem: Problem, refit: Plant, lefts: Mapping[int, Array]) -> list[bool]:
+    """Tell of recordings, by their places, whether the input explains some of what is left (n, r) of any output."""
+    plant, found = with_effects(refit, ()), []
+    for k, left in lefts.items():
+        if np.all(np.isfinite(left)):
+            given = features(plant, problem.train[k], outputs_of(problem, problem.train[k]) - left)
+            found.append(any(answering(column, given) > 0.0 for column in left.T))
+    return found
 
 
 def independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:
