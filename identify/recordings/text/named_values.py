@@ -29,6 +29,7 @@ _STAMP = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.])")
 _MILLISECONDS = re.compile(r"[A-Z] \(\d+\)")  # of ESP-IDF
 _FEWEST, _SHARE = 3, 0.25  # rows, and share of the lines, that make a table
 _LOOKED = 1000  # lines, among which one names its values where any does
+_LONGEST = 4000  # characters of a line of a log
 _WHOLE = 0.5  # of the lines that name values: the others are parts of another table
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ Line = tuple[int, str, tuple[tuple[str, str, str], ...]]  # number, what stands 
 
 def read_named_values(lines: Lines) -> RawTable | Misread | None:
     """Return a row for each line that names the values most lines name; None for another kind of text."""
-    if not any(len(_PAIR.findall(line)) > 1 for line in islice(lines, _LOOKED)):
+    if not any(len(_pairs(line)) > 1 for line in islice(lines, _LOOKED)):
         return None
     told = ["has a name before each value, as plotters of serial lines read them"]
     seconds, stamps, _ = with_seconds(lines)
@@ -69,9 +70,14 @@ def read_named_values(lines: Lines) -> RawTable | Misread | None:
     return RawTable(names, tuple(columns), "line", places, tuple(units) if any(units) else (), (", ".join(told),))
 
 
+def _pairs(line: str) -> list[re.Match[str]]:
+    """Return the names with their values; none of a line that is no log's, of which a search takes the square."""
+    return list(_PAIR.finditer(line)) if len(line) <= _LONGEST else []
+
+
 def _named(place: int, line: str) -> Line:
     """Return the values of a line by their names; one that comes again is told by the section it stands in."""
-    pairs = list(_PAIR.finditer(line))
+    pairs = _pairs(line)
     names = [pair[1] for pair in pairs]
     sections = [(each.start(), each[1]) for each in _SECTION.finditer(line) if each[1] not in names]
     made = []
