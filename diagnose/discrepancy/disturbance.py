@@ -19,7 +19,7 @@ from firmloop.diagnose.policy import (
     RIVALS_DRIVE,
 )
 from firmloop.diagnose.search.found import Search
-from firmloop.diagnose.search.simulation_error import answered, unlike_noise
+from firmloop.diagnose.search.simulation_error import answered, mostly, unlike_noise
 from firmloop.identify.fitting.noise import flat
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Balance, Plant
@@ -41,7 +41,7 @@ def rivals_noise(search: Search) -> bool:
     """
     problem, alone = search.problem, search.nominal
     answers = _answers(search)
-    if 2 * sum(answers) > len(answers):
+    if mostly(answers):
         return True
     if not unlike_noise(problem, alone):
         return False

@@ -158,8 +158,8 @@ def _as_simulated(found: Search) -> Search:
     """Return the search with what simulates nearest for the number of its values as its best, where a misfit is left.
 
     Innovations tell of noise. Of explanations that all leave what answers the input, details of that would decide; they
-    are told apart by what they leave in independent samples (BIC), and what those do not tell apart by no
-    more values stands beside.
+    are told apart by what they leave in independent samples (BIC), and what those do not tell apart by no more values
+    stands beside.
     """
     problem, best = found.problem, found.best
     if not best.fitted.terms or not misfits(found):

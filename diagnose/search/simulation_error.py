@@ -41,7 +41,11 @@ def misfits(search: Search) -> bool:
     problem, best = search.problem, search.best
     if search.refit is None or len(search.refit.inputs) != 1 or not unlike_noise(problem, best):
         return False
-    answers = answered(problem, search.refit, dict(enumerate(best.fitted.residuals)))
+    return mostly(answered(problem, search.refit, dict(enumerate(best.fitted.residuals))))
+
+
+def mostly(answers: Sequence[bool]) -> bool:
+    """Tell whether more than half of the answers are yes."""
     return 2 * sum(answers) > len(answers)
 
 

@@ -8,20 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from firmloop.diagnose.discrepancy.disturbance import balance_unit
-from firmloop.diagnose.model.candidate import Candidate, extended, rated
 from firmloop.diagnose.model.fit import fit
-from firmloop.diagnose.model.hypothesis import Problem, first_point
-from firmloop.diagnose.policy import TIE
-from firmloop.diagnose.search.found import Search
-from firmloop.diagnose.search.harmless import Simulations, as_identified
-from firmloop.diagnose.search.held_out import holding
-from firmloop.diagnose.search.simulation_error import misfits
+from firmloop.diagnose.model.hypothesis import first_point
 from firmloop.identify.fitting.noise import white
 from firmloop.identify.plants.per_recording import with_varying
 from firmloop.identify.recordings.recording import make_recording
 from firmloop.project.project import read_project
 from firmloop.stages.plant import plant_of
-from tests.diagnose.cases import concealed, nominal_of, problem_of, said_of, without_tests
+from tests.diagnose.cases import concealed, problem_of, said_of
 
 HEATER = """schema = 1
 name = "heater"
@@ -94,23 +88,3 @@ def test_what_a_recording_weighs_is_what_a_fit_trades_it_for(tmp_path: Path) -> 
         left.append([float(np.sum(part**2)) for part in plain.residuals])
     assert left[0][0] < left[1][0]
     assert left[1][1] < left[0][1]
-
-
-def test_what_innovations_prefer_gives_way_where_the_input_explains_what_it_leaves(tmp_path: Path) -> None:
-    problem = problem_of(without_tests(concealed(tmp_path, "coulomb_friction", 1.0, False)))
-    nominal, refit = nominal_of(problem), as_identified(problem.plant, problem.train)
-    assert refit is not None
-    lag, friction = (_tried(problem, nominal, name) for name in ("sensor_lag", "coulomb_friction"))
-    likelier = replace(lag, score=friction.score - 500.0)
-    found = Search(problem, nominal, likelier, ((likelier, friction),), (), (1.0,), refit)
-    assert misfits(found)
-    kept = holding(found, Simulations(refit, problem.train)).search
-    assert kept is not None and kept.best.fitted.names == ("coulomb_friction",)
-    assert kept.rounds[-1] == () or kept.rounds[-1][0].score > kept.best.score + TIE
-
-
-def _tried(problem: Problem, nominal: Candidate, name: str) -> Candidate:
-    term = problem.term(name)
-    assert term is not None
-    terms, point = extended(nominal.fitted, term, problem.starts[term.label][0])
-    return rated(problem, fit(problem, problem.train, terms, point, nominal.noises, 24))

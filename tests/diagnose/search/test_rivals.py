@@ -9,9 +9,11 @@ import pytest
 
 from firmloop.diagnose.model.candidate import Candidate, extended, rated
 from firmloop.diagnose.model.hypothesis import Problem
+from firmloop.diagnose.policy import TIE
 from firmloop.diagnose.search.found import Search, candidates_of, standing
 from firmloop.diagnose.search.harmless import Simulations, as_identified
 from firmloop.diagnose.search.held_out import holding
+from firmloop.diagnose.search.simulation_error import misfits
 from tests.diagnose.cases import concealed, nominal_of, problem_of, refitted, shortened, without_tests
 
 WRONG, RIGHT = "return_spring", "coulomb_friction"
@@ -63,6 +65,18 @@ def test_what_is_preferred_by_little_of_all_that_is_explained_gives_way_too(shar
         return
     assert kept.search is not None and kept.search.best.fitted.names == (RIGHT,)
     assert [each.fitted.names for turn in kept.search.rounds for each in turn] == [(RIGHT,)]
+
+
+def test_what_innovations_prefer_gives_way_where_the_input_explains_what_it_leaves(tmp_path: Path) -> None:
+    problem = problem_of(without_tests(concealed(tmp_path, RIGHT, 1.0, False)))
+    nominal, plain = nominal_of(problem), _plain(problem)
+    lag, right = (_tried(problem, nominal, name) for name in ("sensor_lag", RIGHT))
+    likelier = replace(lag, score=right.score - 500.0)
+    found = Search(problem, nominal, likelier, ((likelier, right),), (), (1.0,), plain.plant)
+    assert misfits(found)
+    kept = holding(found, plain).search
+    assert kept is not None and kept.best.fitted.names == (RIGHT,)
+    assert kept.rounds[-1] == () or kept.rounds[-1][0].score > kept.best.score + TIE
 
 
 def test_what_was_fitted_from_several_starts_is_one_explanation(tmp_path: Path) -> None:
