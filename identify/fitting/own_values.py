@@ -17,6 +17,7 @@ from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Parameter, Plant, Varying
 from firmloop.identify.recordings.conditioning import NONE, Conditioning
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.at_rest import switched_on
 from firmloop.identify.simulation.course import Engine
 from firmloop.identify.simulation.linearize import linearize
 from firmloop.identify.simulation.simulate import constants_of, drive_of, measured, rest_start, seen_places, simulator
@@ -80,8 +81,8 @@ def own_value(plant: Plant, one: Varying, start: Array, deviation: float) -> Par
 
 
 def by_itself(plant: Plant, recording: Recording) -> bool:
-    """Tell whether no input ever changes, so that what moves moves by itself: a decay, or a constant speed."""
-    return not np.any(np.ptp(drive_of(plant, recording), axis=0))
+    """Tell whether no input ever changes or is switched on, so that what moves moves by itself: a decay, or a speed."""
+    return not np.any(np.ptp(drive_of(plant, recording), axis=0)) and not switched_on(plant, recording)
 
 
 def steps_apart(plant: Plant, recordings: Sequence[Recording]) -> tuple[bool, ...]:

@@ -1,4 +1,4 @@
-"""Which initial states are known, because a recording begins at rest: with no input yet, its readings do not move."""
+"""Which initial states are known, as a recording begins at rest: undriven it stands, or it is a step from there."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 _SEEN = 0.01  # of an output's range: an initial state that moves it by less, or by less than its noise, is known
 _VAGUE = 1e-6  # of what an initial state does to the outputs: what is known of it without any row
 _MOMENTS = 60  # of a recording, at which that is looked at
+_STANDING = 5  # rows for which a step that begins with its recording keeps its input
 
 
 def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
@@ -33,9 +34,14 @@ def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
     """
     drive, outputs = drive_of(plant, recording), measured(plant, recording)
     rest = resting(outputs, drive, np.max(np.abs(drive), axis=0))
-    line = _at_zero(_undelayed(with_effects(plant, ()))) if 0 < len(rest) < len(drive) else None
+    bare = _undelayed(with_effects(plant, ()))
+    line = _at_zero(bare) if 0 < len(rest) < len(drive) or switched_on(plant, recording) else None
     if line is None:
         return ()
+    told_otherwise = {*(one.state for one in plant.varying), *(state for state, _ in seen_places(plant))}
+    if not len(rest):
+        read = {int(np.argmax(row)) for row in line.c if np.count_nonzero(row) == 1}
+        return tuple(k for k in range(len(bare.states)) if k not in told_otherwise | read)
     span, time = np.ptp(outputs, axis=0), recording.time - recording.time[0]
     noise = _noise(rest, outputs)
     seen = line.c / np.maximum(_SEEN * span, noise)[:, None]
@@ -51,8 +57,21 @@ def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
     scale = np.sqrt(reach[shown])
     scaled = told[:, shown] / scale
     doubt = np.diag(np.linalg.inv(scaled.T @ scaled + _VAGUE * np.eye(len(shown))))
-    told_otherwise = {*(one.state for one in plant.varying), *(state for state, _ in seen_places(plant))}
     return tuple(int(k) for k, size in zip(shown, doubt, strict=True) if size <= 1.0 and k not in told_otherwise)
+
+
+def switched_on(plant: Plant, recording: Recording) -> bool:
+    """Tell whether a recording begins with a step from rest: its input is on and stands, what it reads is still zero.
+
+    A position that is read tells nothing of it: it may stand anywhere, or pass by.
+    """
+    drive, outputs = drive_of(plant, recording), measured(plant, recording)
+    if not np.any(drive[0]) or np.any(np.ptp(drive[:_STANDING], axis=0)):
+        return False
+    places = {column for _, column in seen_places(plant)}
+    span = np.ptp(outputs, axis=0)
+    tells = (span > 0.0) & np.array([signal.name not in places for signal in plant.outputs])
+    return bool(np.any(tells) and np.all(np.abs(outputs[0, tells]) <= _SEEN * span[tells]))
 
 
 def _undelayed(plant: Plant) -> Plant:

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from firmloop.identify.fitting.fit import estimate
+from firmloop.identify.fitting.own_values import by_itself
 from firmloop.identify.plants.kinds import make_plant
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording, make_recording
-from firmloop.identify.simulation.at_rest import known_states
+from firmloop.identify.simulation.at_rest import known_states, switched_on
 
 MOTOR = {
     "R_ohm": {"value": 7.0, "free": False},
@@ -77,3 +78,27 @@ def test_a_fit_does_not_begin_in_motion_what_stands_still() -> None:
     speed = [signal.name for signal in plant.states].index("speed_rad_s")
     assert [float(score.starts[0, speed]) for score in found.train] == [0.0] * 5
     assert next(each.value for each in found.plant.parameters if each.name == "ke_V_s_rad") > 0.05
+
+
+@pytest.mark.parametrize(
+    ("output", "recording", "steps"),
+    [
+        ("speed_rad_s", geared(0.8, 0), True),
+        ("speed_rad_s", geared(0.8, 0, begins=2.0), False),  # it turns already
+        ("speed_rad_s", geared(0.8, 100), False),  # undriven rows tell more
+        ("position_rad", geared(0.8, 0), False),  # where it stands it may pass by
+    ],
+)
+def test_what_is_switched_on_in_its_first_row_has_a_current_of_zero_there(
+    output: str, recording: Recording, steps: bool
+) -> None:
+    plant = make_plant("dc_motor", "voltage_V", [output], {**MOTOR, "L_H": 1e-3})
+    assert plant.states[0].name == "current_A"
+    assert switched_on(plant, recording) is steps
+    assert (known_states(plant, recording) == (0,)) is steps
+
+
+def test_a_step_that_begins_in_the_first_row_does_not_move_by_itself() -> None:
+    plant = motor("speed_rad_s")
+    assert not by_itself(plant, geared(0.8, 0))
+    assert by_itself(plant, geared(0.8, 0, begins=2.0))
