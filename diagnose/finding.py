@@ -35,6 +35,10 @@ class Named:
     says: str
     at: str = ""  # state, output or input of the plant that it acts on; blank for a controller's
 
+    def told(self) -> str:
+        """Say it in one line."""
+        return f"{self.name} ({100.0 * self.probability:.0f} %): {self.says}"
+
 
 @dataclass(frozen=True, slots=True)
 class Alternative:

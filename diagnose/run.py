@@ -14,6 +14,7 @@ from firmloop.diagnose.data.prepare import Apart, prepared, two_machines
 from firmloop.diagnose.discrepancy.disturbance import disturbances
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape
 from firmloop.diagnose.finding import Finding
+from firmloop.diagnose.given_values import HeldValue, against_given, beside_held
 from firmloop.diagnose.model.candidate import Candidate, rated, residual_sizes, rms_of
 from firmloop.diagnose.model.disturbed_plant import sensors_remember
 from firmloop.diagnose.model.fit import fit_starts
@@ -72,6 +73,7 @@ class _Found:
     search: Search
     checks: Preflight
     shape: Shape | None
+    beside: HeldValue | None
 
 
 def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording], progress: Progress) -> Diagnosis:
@@ -107,6 +109,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     same = kept is None or kept.best.fitted.terms == made.search.best.fitted.terms
     shape = made.shape if same else best_shape(found, found.best)
     finding, unnamed = judge(found, made.checks, shape)
+    finding = beside_held(finding, made.beside)
     explained = finding.verdict in ("explained", "ambiguous")
     if explained and kept is None:
         finding, explained = spoiled(finding), False
@@ -209,4 +212,7 @@ def _explained(plant: Plant, train: Sequence[Recording], progress: Progress) -> 
         other, rest = completed(search(again, progress), progress)
         if other.best.score < found.best.score:
             found, shape = other, rest
-    return _Found(found, checks, shape)
+    sure, notes, held_value = against_given(found)
+    if sure.best is not found.best:
+        shape = best_shape(sure, sure.best)
+    return _Found(sure, replace(checks, notes=(*checks.notes, *notes)), shape, held_value)

@@ -64,7 +64,7 @@ def paragraph(
             if term is not None:
                 said.append(f"To tell {each.name} apart: {term.effect.experiment.rstrip('.')}.")
                 break
-    said += [f"{each.name} ({100.0 * each.probability:.0f} %): {each.says}" for each in finding.effects]
+    said += [each.told() for each in finding.effects]
     if finding.effects:
         moved = [shift for shift in finding.shifts if shift.after > 0.0 and _moved(shift) > 0.05]
         for shift in sorted(moved, key=lambda one: -_moved(one))[:2]:

@@ -73,7 +73,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("search",),
         ("discrepancy", "controller"),
         ("completion", "sentences"),
-        ("verdict",),
+        ("given_values", "verdict"),
         ("run",),
     ),
     "firmloop": (
