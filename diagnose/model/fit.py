@@ -24,7 +24,9 @@ from firmloop.diagnose.policy import (
     STEPS_OF_A_FIT,
     UNSEEN,
 )
+from firmloop.identify.fitting.experiment import stretches
 from firmloop.identify.fitting.noise import ORDERS, Noise, bounded, fit_noise
+from firmloop.identify.fitting.own_values import by_itself
 from firmloop.identify.fitting.problem import LEASH
 from firmloop.identify.recordings.recording import Recording
 
@@ -255,7 +257,8 @@ def fit_starts(
 ) -> Point:
     """Fit the initial states alone, from rest by Gauss-Newton steps, all but the first with exact slopes.
 
-    And from what `near` says by the id of a recording, where that ends nearer.
+    And from what `near` says by the id of a recording, where that ends nearer; of what moves by itself also over
+    stretches that grow: behind every swing that a guess is off, it has another phase.
     """
     starts = []
     for recording in recordings:
@@ -263,9 +266,21 @@ def fit_starts(
         begins = [full_start(problem, recording)]
         if near and id(recording) in near:
             begins.append(near[id(recording)])
+        if by_itself(problem.plant, recording):
+            begins.append(_grown(problem, recording, values, begins[-1], noises))
         places = [_begun(problem, squares, Point(values, (begin,))) for begin in begins]
         starts.append(min(places, key=lambda place: place.cost).point.starts[0])
     return Point(values, tuple(starts))
+
+
+def _grown(
+    problem: Problem, recording: Recording, values: Mapping[str, float], start: Array, noises: Sequence[Noise]
+) -> Array:
+    """Return the initial state that the first rows are met with, and more and more of them."""
+    for rows in stretches(len(recording.time), len(start)):
+        squares = SumOfSquares(replace(problem, memory={}), [recording.part(0, rows)], (), noises, np.zeros((0, 1)))
+        start = _begun(problem, squares, Point(values, (start,))).point.starts[0]
+    return start
 
 
 def _begun(problem: Problem, squares: SumOfSquares, point: Point) -> Place:

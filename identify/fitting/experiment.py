@@ -196,12 +196,14 @@ def best_start(made: Experiment, simulator: Engine, constants: Array, guess: Arr
     return min(found, key=lambda each: each[0])[1]
 
 
+def stretches(rows: int, states: int) -> list[int]:
+    """Return the first rows of a recording, of which a fit of where it begins grows to all, the fewest first."""
+    return [part for part in (int(share * rows) for share in _STRETCHES) if part > _ROWS_PER_STATE * states]
+
+
 def _over_stretches(made: Experiment, simulator: Engine, constants: Array, guess: Array, weights: Array) -> Array:
     """Return the initial state (n,) that stretches from the first row on, each longer than the last, are met with."""
-    for share in _STRETCHES:
-        rows = int(share * len(made.measured))
-        if rows <= _ROWS_PER_STATE * len(guess):
-            continue
+    for rows in stretches(len(made.measured), len(guess)):
         part = replace(made, course=replace(made.course, end=made.course.first + rows), measured=made.measured[:rows])
         part = replace(part, target=conditioned(part, part.measured))
         guess = _descended(part, simulator, constants, guess, weights)[1]

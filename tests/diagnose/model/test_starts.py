@@ -1,4 +1,4 @@
-"""Where a machine rests at first, its place is found though a speed would look the same."""
+"""Where a machine rests at first, its place is found though a speed would look the same; and where a swing begins."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from firmloop.diagnose.model.candidate import unseen_residuals
-from firmloop.diagnose.model.fit import fit, noises_of
+from firmloop.diagnose.model.fit import fit, fit_starts, noises_of
 from firmloop.diagnose.model.hypothesis import Point, entered, first_point
+from firmloop.diagnose.model.slopes import residual_of
 from firmloop.identify.fitting.noise import white
-from tests.diagnose.cases import drawn, problem_of, truths
+from tests.diagnose.cases import drawn, logged, problem_of, truths
 
 SEED = 780124  # a stage that rests at first, of dry friction and a slew rate
 
@@ -31,3 +32,39 @@ def test_a_stage_at_rest_is_found_where_it_is(tmp_path: Path) -> None:
         for parts in (found.residuals, unseen_residuals(problem, found, noises_of(problem, found.residuals)))
     )
     assert test < 1.01 * train
+
+
+PENDULUM = """schema = 1
+name = "swing"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "ode"
+states = ["angle_rad", "speed_rad_s"]
+inputs = ["torque_N_m"]
+[plant.outputs]
+position_rad = "angle_rad"
+[plant.derivatives]
+angle_rad = "speed_rad_s"
+speed_rad_s = "(torque_N_m - m_N_m*sin(angle_rad) - c_N_m_s*speed_rad_s)/J_kg_m2"
+[plant.parameters]
+J_kg_m2 = { value = 1e-4, free = false }
+m_N_m = { value = 4e-3, free = true }
+c_N_m_s = { value = 2e-6, free = true }
+"""
+
+
+def test_a_free_swing_is_found_where_it_begins_however_long_it_goes_on(tmp_path: Path) -> None:
+    angle, speed, step, finer, read = 2.0, 3.0, 0.02, 200, []
+    for _ in range(3000):
+        read.append(angle)
+        for _ in range(finer):
+            speed -= step / finer * (40.0 * np.sin(angle) + 0.02 * speed)
+            angle += step / finer * speed
+    noisy = np.array(read) + np.random.default_rng(2).normal(0.0, 2e-3, 3000)
+    problem = problem_of(
+        logged(tmp_path, PENDULUM, "time_s,torque_N_m,position_rad", step * np.arange(3000), np.zeros(3000), noisy)
+    )
+    values = {each.name: each.value for each in problem.plant.parameters}
+    point = fit_starts(problem, problem.train, values, [white(2e-3)])
+    assert np.std(residual_of(problem, problem.train[0], point, 0)) < 6e-3
