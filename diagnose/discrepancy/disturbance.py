@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -14,13 +15,15 @@ from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
+    CONTROLLER_BY_CHANCE,
+    CONTROLLER_ROWS,
     HELD_INPUT,
     MOST_SMOOTHED_ROWS,
     RIVALS_DRIVE,
 )
 from firmloop.diagnose.search.found import Search
 from firmloop.diagnose.search.simulation_error import answered, mostly, unlike_noise
-from firmloop.identify.fitting.noise import flat
+from firmloop.identify.fitting.noise import fit_noise, flat
 from firmloop.identify.plants.attach import with_effects
 from firmloop.identify.plants.plant import Balance, Plant
 from firmloop.identify.recordings.recording import Recording
@@ -62,12 +65,34 @@ def _answers(search: Search) -> list[bool]:
     problem, refit = search.problem, search.refit
     if refit is None or len(refit.inputs) != 1:
         return []
-    drive = refit.inputs[0].name
-    still = [k for k, each in enumerate(problem.train) if np.mean(np.diff(each.columns[drive]) == 0.0) > HELD_INPUT]
-    if not still:
-        return []
+    drives = [each.columns[refit.inputs[0].name] for each in problem.train]
     point = fit_starts(problem, problem.train, {p.name: p.value for p in refit.parameters}, flat(search.nominal.noises))
-    return answered(problem, refit, {k: residual_of(problem, problem.train[k], point, k) for k in still})
+    lefts = {k: residual_of(problem, recording, point, k) for k, recording in enumerate(problem.train)}
+    still = [float(np.mean(np.diff(drive) == 0.0)) > HELD_INPUT for drive in drives]
+    given = {k: left for k, left in lefts.items() if still[k] or not made_from(drives[k], left)}
+    return answered(problem, refit, given) if given else []
+
+
+def made_from(drive: Array, left: Array) -> bool:
+    """Tell whether an input (n,) follows what its own past cannot tell of a residual (n, r), as a controller's does.
+
+    By the correlation of the innovations of both (L. D. Haugh, Journal of the American Statistical Association 71
+    (1976) 378-385): what a plant makes of its input comes later than that, what a controller makes of noise does not.
+    """
+    if not np.all(np.isfinite(left)):
+        return True
+    both = [_innovations(values) for values in (drive, *left.T)]
+    rows = min(map(len, both))
+    own, *others = (each[len(each) - rows :] for each in both)
+    follows = [abs(float(own[k:] @ each[: rows - k])) for each in others for k in range(CONTROLLER_ROWS)]
+    return max(follows) > CONTROLLER_BY_CHANCE * math.sqrt(rows)
+
+
+def _innovations(values: Array) -> Array:
+    """Return whether each row of a signal is above or below what its past tells; the first rows have no past."""
+    away = values - np.mean(values)
+    noise = fit_noise([away], 0.0)
+    return np.sign(noise.whiten(away)[len(noise.coefficients) :])
 
 
 def disturbances(
