@@ -126,6 +126,7 @@ class Scales:
     slew: float  # largest change of the input from row to row, over the sample time
     fall: float  # by which the size of the input falls after a larger one, at the most
     other_way: float  # largest size of the input on the side where that is smaller
+    least: float  # size that the input is never below; 0 where it goes both ways
     level: float  # of the state an overflow acts on
 
     def times(self, rows: float) -> tuple[float, ...]:

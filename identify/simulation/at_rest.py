@@ -61,7 +61,7 @@ def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
 
 
 def switched_on(plant: Plant, recording: Recording) -> bool:
-    """Tell whether a recording begins with a step from rest: its input is on and stands, what it reads is still zero.
+    """Tell whether a recording begins with a step from rest: its input is on and stands, its readings rest.
 
     A position that is read tells nothing of it: it may stand anywhere, or pass by.
     """
@@ -69,9 +69,12 @@ def switched_on(plant: Plant, recording: Recording) -> bool:
     if not np.any(drive[0]) or np.any(np.ptp(drive[:_STANDING], axis=0)):
         return False
     places = {column for _, column in seen_places(plant)}
-    span = np.ptp(outputs, axis=0)
+    bare = with_effects(plant, ())
+    values = [each.value for each in bare.parameters[: bare.reading.numel_in(2)]]
+    rests = bare.reading(np.zeros(len(bare.states)), np.zeros(len(bare.inputs)), values)
+    span, away = np.ptp(outputs, axis=0), outputs[0] - np.asarray(rests, dtype=np.float64).ravel()
     tells = (span > 0.0) & np.array([signal.name not in places for signal in plant.outputs])
-    return bool(np.any(tells) and np.all(np.abs(outputs[0, tells]) <= _SEEN * span[tells]))
+    return bool(np.any(tells) and np.all(np.abs(away[tells]) <= _SEEN * span[tells]))
 
 
 def _undelayed(plant: Plant) -> Plant:

@@ -207,7 +207,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         if len(finite):
             peaks[key] = max(peaks.get(key, 0.0), float(np.max(np.abs(finite))))
 
-    low, high, places, step, span = math.inf, -math.inf, [0.0], math.inf, 0.0
+    low, high, places, step, span, least = math.inf, -math.inf, [0.0], math.inf, 0.0, math.inf
     for recording in recordings:
         course = course_of(bare, recording)
         constants = np.array([p.value for p in bare.parameters])
@@ -228,6 +228,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("fall", np.maximum.accumulate(size) - size)
         see("up", np.maximum(course.drive[:, 0], 0.0))
         see("down", np.minimum(course.drive[:, 0], 0.0))
+        least = min(least, float(np.min(size)))
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
         see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
         if not np.any(course.drive):  # what moves by itself is driven by what slows it down
@@ -253,6 +254,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
     largest = max(abs(low), abs(high)) or 1.0
     seen = [recording.columns[plant.outputs[output].name] for recording in recordings]
     end = gathering(seen)
+    other_way = min(peaks.get("up", 0.0), peaks.get("down", 0.0))
     return Scales(
         input=sizes.get("input", 1.0),
         output=largest,
@@ -274,7 +276,8 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         end=max(float(recording.time[-1]) for recording in recordings),
         slew=sizes.get("slew", 1.0),
         fall=peaks.get("fall", 0.0),
-        other_way=min(peaks.get("up", 0.0), peaks.get("down", 0.0)),
+        other_way=other_way,
+        least=0.0 if other_way > 0.0 else least,
         level=sizes.get("level", 1.0),
     )
 

@@ -63,11 +63,17 @@ def find_effect(name: str) -> Effect:
     return effects()[name]
 
 
+_WAVES = ("turn", "order", "order of effort")  # `Effect.seen_by` of what comes again along an angle or a way
+
+
 def applies(effect: Effect, plant: Plant) -> bool:
     """Tell whether the plant has the place where the effect enters."""
     kinds = {balance.kind for balance in plant.balances}
     if effect.rotary_only and "torque" not in kinds:
         return False
+    waves = effect.rotary_only or effect.seen_by in _WAVES
+    if waves and plant.delay is not None and plant.outputs[0].unit.split("/")[0] not in ("rad", "m"):
+        return False  # a lag in volts may be a place, but not one that tells how far a turn goes
     if effect.fits is not None:
         return effect.fits(plant)
     if effect.place in ("sensor", "actuator", "timing"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from firmloop.identify.plants.assembly import Array, Assembly
@@ -16,6 +18,11 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     """Propose where a fit begins."""
     return ((0.9 * scales.input,), (0.7 * scales.input,))
+
+
+def believable(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether something is left of what the command does: below all of it a limit makes a constant of it."""
+    return values[0] > scales.least
 
 
 def clipped(value: Array, limit: float) -> Array:
@@ -41,6 +48,7 @@ EFFECT = Effect(
     rotary_only=False,
     needs_position=False,
     attach=attach,
+    believable=believable,
     codes=(),
     switches=(0,),
     unmet="what the actuator does not give cannot be asked for; set u_min and u_max to its limits",

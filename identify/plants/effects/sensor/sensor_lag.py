@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from firmloop.identify.plants.assembly import Assembly
-from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, size
+from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, size, within
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -34,6 +34,7 @@ EFFECT = Effect(
     rotary_only=False,
     needs_position=False,
     attach=attach,
+    believable=within,
     codes=(),
     switches=(0,),
     stage=3,
