@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from firmloop.console import table
 from firmloop.identify.bench_tests.sensitivity import FIGURES, Sensitivity
 from firmloop.identify.fitting.fit import Fit
+from firmloop.identify.fitting.residual_tests import POOR, ResidualTests
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.documents import fields_document, finite, fit_document
 from firmloop.presentation.words import in_unit, rounded_to
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from firmloop.identify.plants.plant import Parameter
     from firmloop.stages.bench.examination import Examination
 
+LEFT = "NOT all explained"
 TITLES = {
     "final": "final value",
     "rise_s": "rise time",
@@ -47,7 +49,7 @@ def about_examination(found: Examination) -> list[str]:
             f"white {test.whiteness:.2g}",
             f"independent of the input {test.independence:.2g}",
             f"mean 0 {test.bias:.2g}",
-            "" if test.explained else "NOT all explained",
+            _verdict(test, found.fit),
         )
         for source, outputs in found.residuals.items()
         for output, test in outputs.items()
@@ -64,6 +66,13 @@ def about_examination(found: Examination) -> list[str]:
     if found.unconditioned is not None:
         lines += _about_conditioning(found.fit, found.unconditioned)
     return lines
+
+
+def _verdict(test: ResidualTests, fit: Fit) -> str:
+    """Say what it means that residuals are not white: noise may have a memory, and answers neither input nor motion."""
+    if test.explained:
+        return ""
+    return "noise with a memory" if test.answers_nothing and not fit.lacking and fit.explained >= POOR else LEFT
 
 
 def _interval(ends: tuple[float, float] | None, unit: str) -> str:

@@ -8,13 +8,16 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.fitting.checks import first_causes, refuse, told
+from firmloop.identify.fitting.checks import first_causes, no_noise, refuse, told
 from firmloop.identify.fitting.evidence import Evidence
-from firmloop.identify.fitting.fit import Fit, estimate, judge
+from firmloop.identify.fitting.fit import CERTAIN, Fit, estimate, judge
+from firmloop.identify.fitting.residual_tests import POOR, likelier
+from firmloop.identify.fitting.starting_points import unguided
 from firmloop.identify.plants.attach import told_names
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
 from firmloop.identify.simulation.bridge_columns import check_bridges
+from firmloop.identify.simulation.simulate import measured
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
 from firmloop.stages.plant import located, recorded_plant_of
@@ -42,15 +45,16 @@ def identify(project: Project, data: Data, report: Report) -> Fit:
         fitted, evidence = _fitted(project, data, report)
         report(0.95, "checking units, signs, levels and residuals")
         remarks = told(evidence)
-        if not first_causes(remarks):
+        caused = first_causes(remarks)
+        if not caused:
             judge(fitted, data.train, evidence.conditioning)
     failed = any(one.check == "spikes" for one in remarks)  # such a reading is no limit that a signal runs into
     limits = (saturated(project, data.train) or cut_input(project, data.train), cut_output(project, data.train))
     seen = () if failed else limits
-    own = () if first_causes(remarks) else fitted.warnings
+    own = () if caused else fitted.warnings
     noted = (_placed(fitted.plant, text) for text in (*(one.says for one in remarks), *own))
     said = (*data.notes, *noted, *filter(None, seen))
-    return replace(fitted, warnings=tuple(dict.fromkeys(said)))
+    return replace(fitted, warnings=tuple(dict.fromkeys(said)), lacking=caused or no_noise(remarks))
 
 
 def _placed(plant: Plant, text: str) -> str:
@@ -79,8 +83,30 @@ def _fitted(project: Project, data: Data, report: Report) -> tuple[Fit, Evidence
     plant, conditioning = recorded_plant_of(project), conditioning_of(project)
     check_logs("identify", plant, data, conditioning)
     try:
-        fitted = estimate(plant, data.train, data.test, conditioning, report)
+        fitted = _best(plant, data, conditioning, report)
     except IdentifyError:
         _refuse_causes(Evidence(plant, data.train, conditioning, None))
         raise
     return fitted, Evidence(plant, data.train, conditioning, fitted)
+
+
+def _best(plant: Plant, data: Data, conditioning: Conditioning, report: Report) -> Fit:
+    """Fit from the values as given; where that fails, and values from the recordings do better, from those."""
+    fitted = estimate(plant, data.train, data.test, conditioning, report)
+    bare = unguided(plant)
+    if bare is None or bare == plant or (_stands(fitted, data, conditioning) and fitted.explained >= POOR):
+        return fitted
+    try:
+        again = estimate(bare, data.train, data.test, conditioning, report)
+    except IdentifyError:
+        return fitted
+    left = [measured(plant, one) - score.simulated for one, score in zip(data.train, again.train, strict=True)]
+    return again if likelier(fitted.noise, again.noise, left) > CERTAIN else fitted
+
+
+def _stands(fitted: Fit, data: Data, conditioning: Conditioning) -> bool:
+    try:
+        judge(fitted, data.train, conditioning)
+    except IdentifyError:
+        return False
+    return True

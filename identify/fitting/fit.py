@@ -37,7 +37,7 @@ from firmloop.identify.fitting.problem import (
 )
 from firmloop.identify.fitting.residual_tests import POOR, likelier, slow, unexplained
 from firmloop.identify.fitting.scores import RecordingScore, scores
-from firmloop.identify.fitting.starting_points import starting_points, without_far_values
+from firmloop.identify.fitting.starting_points import starting_points, unguided, without_far_values
 from firmloop.identify.fitting.sufficiency import (
     check_answer,
     check_delay,
@@ -47,7 +47,6 @@ from firmloop.identify.fitting.sufficiency import (
     check_span,
     check_step,
 )
-from firmloop.identify.plants.kinds import kinds
 from firmloop.identify.plants.per_recording import centred, in_common, without_value
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
@@ -65,7 +64,7 @@ _PASSES = 6  # of weighting; two or three settle
 _TURNS = 30  # of aligning clocks; each about halves what is left
 _JOINT_TURNS = 8  # of aligning them together with the parameters; two or three settle
 _DIVERGED = 1e12  # half the mean squared residual over the spread: a million times what was measured
-_CERTAIN = 16.0  # by which twice the log likelihood rises; 1 in 16,000 by chance
+CERTAIN = 16.0  # by which twice the log likelihood rises; 1 in 16,000 by chance
 _CLOSE = 0.01  # rows; clocks closer than this are aligned
 _SMALLEST_SHARE = 1e-9  # of a signal's spread: noise below it is rounding
 
@@ -90,6 +89,7 @@ class Fit:
     warnings: tuple[str, ...]
     per_recording: tuple[OwnValue, ...] = ()
     slow: bool = False  # what is left of some output moves slowly, as noise of a sensor does not
+    lacking: bool = False  # a check says that what is left is no noise, or why the fit is poor
 
     @property
     def explained(self) -> float:
@@ -127,11 +127,9 @@ def judge(found: Fit, train: Sequence[Recording], conditioning: Conditioning) ->
 
 def _drifts(found: Fit, train: Sequence[Recording], conditioning: Conditioning) -> bool:
     """Tell whether the kind follows the outputs once a straight line is taken out of them."""
-    kind = kinds().get(found.plant.kind)
-    if kind is None or kind.scale is None:
+    bare = unguided(found.plant)
+    if bare is None:
         return False
-    guessed = {each.name for each in kind.constants if each.guessable}
-    bare = found.plant.valued({p.name: math.nan for p in found.plant.parameters if p.free and p.name in guessed})
     after = tried(bare, train, replace(conditioning, detrend=tuple(found.noise)))
     return after is not None and after.explained >= POOR
 
@@ -150,7 +148,7 @@ def _surely_answers(
     if still is None:
         return False
     left = [measured(found.plant, one) - score.simulated for one, score in zip(train, found.train, strict=True)]
-    return likelier(still.noise, found.noise, left) > _CERTAIN
+    return likelier(still.noise, found.noise, left) > CERTAIN
 
 
 def estimate(

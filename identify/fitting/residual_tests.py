@@ -48,7 +48,17 @@ class ResidualTests:
     @property
     def explained(self) -> bool:
         """Whether both tests together leave more than a chance of DOUBTED."""
-        return 1.0 - (1.0 - min(self.whiteness, self.independence)) ** 2 >= DOUBTED
+        return _likely(min(self.whiteness, self.independence))
+
+    @property
+    def answers_nothing(self) -> bool:
+        """Whether the test for the input alone, which reckons with the residual's own memory, leaves as much."""
+        return _likely(self.independence)
+
+
+def _likely(chance: float) -> bool:
+    """Tell whether the lesser chance of two tests is one that a right model has."""
+    return 1.0 - (1.0 - chance) ** 2 >= DOUBTED
 
 
 def residual_tests(residual: Array, drive: Array) -> ResidualTests:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.experiment import Experiment, misfit
 from firmloop.identify.fitting.least_squares import triangle
 from firmloop.identify.fitting.problem import LEASH, FitProblem, loosened, shortened
@@ -97,6 +98,18 @@ def without_far_values(problem: FitProblem, steps: Sequence[float]) -> FitProble
     return problem
 
 
+def unguided(plant: Plant) -> Plant | None:
+    """Return the plant without those free values that its kind can guess; None where it can guess none.
+
+    A start value that is far off may lead a fit astray where one from the recordings would not.
+    """
+    kind = kinds().get(plant.kind)
+    if kind is None or kind.scale is None:
+        return None
+    guessed = {each.name for each in kind.constants if each.guessable}
+    return plant.valued({p.name: math.nan for p in plant.parameters if p.free and p.name in guessed})
+
+
 def scale_and_level(plant: Plant) -> tuple[str, ...]:
     """Return the names of the scale and the level of the plant's kind, as far as it has them."""
     kind = kinds().get(plant.kind)
@@ -149,6 +162,11 @@ def _scored(
         constants, cost = _scaled(simulator, experiments, constants, (*open_scale, *level), bool(open_scale))
         scored.setdefault(tuple(constants.tolist()), cost)
     best = sorted((cost, constants) for constants, cost in scored.items() if math.isfinite(cost))
+    if not best:
+        raise IdentifyError(
+            "no simulation of the plant stays finite, from all start values tried: a value in [plant.parameters] is "
+            "far too large for these recordings; check its exponent and its unit"
+        )
     return tuple(np.array(constants) for _, constants in itertools.islice(best, _KEPT))
 
 

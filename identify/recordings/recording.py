@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 FEWEST_ROWS = 3  # one step and one row to judge it by
 MOST = 1e30  # of a reading; instruments write 9.9E+37 or 9.91E+37 where they have none, as SCPI asks for
+LEAST = 1e-30  # of a column's largest number, unless all are 0: squares of smaller ones vanish
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,3 +173,9 @@ def _check_rows(path: Path, table: RawTable) -> None:
             remedy = "delete those rows or fill them in" if few else "fill it in, or leave the column out of the file"
             says = ", which stands for an overload or a missing reading" if np.isfinite(values[bad[0]]) else ""
             raise IdentifyError(f"{path}: {where}: is {values[bad[0]]}{says}{more}; {remedy}")
+        largest = float(np.max(np.abs(values)))
+        if 0.0 < largest < LEAST:
+            raise IdentifyError(
+                f"{path}: column {name}: holds nothing larger than {largest:.3g}; a quantity is 0 or from {LEAST:g} to "
+                f"{MOST:g}: check its exponent and its unit, or leave the column out of the file"
+            )

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bench.host.identify_faults import swing
+from bench.host.identify_faults import changed, swing
 from firmloop.cli import main
 from tests.firmloop.columns.test_identify_says import written
 
@@ -95,6 +96,25 @@ def test_examine_says_how_far_to_trust(trials: Path, tmp_path: Path, capsys: pyt
     assert document["sensitivity"]["local"]["final"]["gain"] == pytest.approx(1.0, abs=0.02)
     assert set(document["conditioning"]) == {"gain", "time_constant_s"}
     assert (tmp_path / "out" / "project.toml").is_file()
+
+
+@pytest.mark.parametrize(("made", "verdict"), [(0, ""), (0.9, "noise with a memory"), (0.97, "noise with a memory")])
+def test_noise_with_a_memory_is_nothing_that_a_model_lacks(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], made: float, verdict: str
+) -> None:
+    project = written(tmp_path / "log", swing(np.random.default_rng(4), memory=made)) / "project.toml"
+    assert main(["examine", str(project), "--out", str(tmp_path / "out"), "--draws", "100"]) == 0
+    assert re.search(rf"  mean 0 \S+ *{verdict}\n", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("bend", [lambda v: v + 0.05 * v * np.abs(v), lambda v: v + np.linspace(0.0, 1.0, len(v))])
+def test_what_a_model_lacks_is_no_noise(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], bend: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    made = changed(swing(np.random.default_rng(4)), level=bend)
+    project = written(tmp_path / "log", made) / "project.toml"
+    assert main(["examine", str(project), "--out", str(tmp_path / "out"), "--draws", "100"]) == 0
+    assert "NOT all explained" in capsys.readouterr().out
 
 
 def test_windows_are_examined_of_which_one_has_a_start_without_any_trace(

@@ -56,6 +56,12 @@ def first_causes(remarks: Sequence[Remark]) -> bool:
     return any(remark.check in causes for remark in remarks)
 
 
+def no_noise(remarks: Sequence[Remark]) -> bool:
+    """Tell whether one of the remarks says that what a fit leaves is no noise, or names what `structure` would see."""
+    telling = {check.name for check in checks() if "structure" in (check.name, *check.silences)}
+    return any(remark.check in telling for remark in remarks)
+
+
 def told(evidence: Evidence) -> tuple[Remark, ...]:
     """Return what the checks find, most telling first; nothing where everything is sound.
 

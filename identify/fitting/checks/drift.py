@@ -1,14 +1,21 @@
-"""A residual that drifts: a zero that wanders, a plant that warms up."""
+"""A residual that drifts: a zero that wanders, a plant that warms up.
+
+A constant beside the line is no drift, and hides none: of a zero that wanders from where it was, both are left.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, explained, left_after, remainders
+from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, left_after, remainders
 from firmloop.identify.fitting.residual_tests import independent
+
+Array = NDArray[np.float64]
 
 _SHARE = 0.3  # of what is left
 _CERTAIN = 24.0  # by which twice the log likelihood rises: many slow noises look like a line for a while
@@ -23,13 +30,12 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     for k, output in enumerate(plant.outputs):
         if output.name in evidence.conditioning.detrend:
             continue
-        columns = [np.zeros_like(part.residual) for part in parts]
-        for column, part in zip(columns, parts, strict=True):
-            column[:, k] = part.time - part.time.mean()
-        line = explained(parts, weights, columns)
+        columns = [_alone(part, k, part.time - part.time.mean()) for part in parts]
+        steady = [_with_constant(part, k) for part in parts]
+        line = explained(steady, weights, columns)
         if line.share < _SHARE:
             continue
-        samples = independent([left[:, k] for left in left_after(line, parts, weights, columns)])
+        samples = independent([left[:, k] for left in left_after(line, steady, weights, columns)])
         if -samples * math.log(max(1.0 - line.share, 1e-300)) < _CERTAIN:
             continue
         span = max(float(np.ptp(part.time)) for part in parts)
@@ -42,6 +48,19 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             f'wanders, write detrend = ["{output.name}"] in [recordings.conditioning]'
         )
     return tuple(found)
+
+
+def _alone(part: Remainder, k: int, values: Array) -> Array:
+    """Return values (q,) of one output as a column (q, r) of all."""
+    column = np.zeros_like(part.residual)
+    column[:, k] = values
+    return column
+
+
+def _with_constant(part: Remainder, k: int) -> Remainder:
+    """Let one output have a constant, which a fit would take."""
+    constant = _alone(part, k, np.ones(len(part.residual)))
+    return replace(part, slopes=np.concatenate([part.slopes, constant[..., None]], axis=2))
 
 
 CHECK = Check("drift", look, ("structure",), True)

@@ -14,6 +14,7 @@ from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.checks import structure
 from firmloop.identify.fitting.evidence import Evidence, sources_of
 from firmloop.identify.fitting.fit import Fit, tried
+from firmloop.identify.fitting.starting_points import unguided
 from firmloop.identify.plants.plant import Parameter
 
 _SMALLER = 0.6  # of what the fit leaves of an output: so little is left once the value is free
@@ -43,7 +44,8 @@ def _left(evidence: Evidence, output: str) -> float:
 def _freed(evidence: Evidence, value: Parameter) -> Fit | None:
     """Return the fit with one kept value set free, if that leaves little and nothing that the input explains."""
     parameters = tuple(replace(each, free=each.free or each.name == value.name) for each in evidence.given.parameters)
-    found = tried(replace(evidence.given, parameters=parameters), evidence.recordings, evidence.conditioning)
+    plant = replace(evidence.given, parameters=parameters)  # what is wrong is no value to begin with
+    found = tried(unguided(plant) or plant, evidence.recordings, evidence.conditioning)
     if found is None:
         return None
     shares = [found.noise[output] / _left(evidence, output) for output in found.noise]

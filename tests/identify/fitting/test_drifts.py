@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from bench.host.identify_faults import changed, swing
+from firmloop.cli import main
 from firmloop.identify.fitting.checks.structure import answering, features
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
 from tests.diagnose.cases import lag_project, lagged, logged
+from tests.firmloop.columns.test_identify_says import written
 
 STEP = 0.01
 CASES = 60
@@ -27,3 +31,14 @@ def test_a_drift_answers_no_input_and_a_lag_that_is_off_does(tmp_path: Path) -> 
     assert [answering(each, given) for each in drifts] == [0.0] * CASES
     off = lagged(drive, 1.4) - clean
     assert answering(0.1 * off + 0.002 * rng.standard_normal(len(drive)), given) > 0.0
+
+
+@pytest.mark.parametrize("size", [0.3, 3.0])
+def test_a_drift_from_where_a_reading_began_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], size: float
+) -> None:
+    """Most of such a ramp is its mean, which is no level at rest: it is the line about it that tells."""
+    made = changed(swing(np.random.default_rng(4)), level=lambda v: v + np.linspace(0.0, size, len(v)))
+    project = written(tmp_path / "log", made) / "project.toml"
+    assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 0
+    assert f"leaves of level drifts by {size:.1g}" in capsys.readouterr().out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -124,3 +125,32 @@ def test_a_ramp_that_tells_no_gain_is_named(tmp_path: Path, capsys: pytest.Captu
     assert identified(tmp_path, "static", "gain = { value = 1.0, free = true }", ramp, thrust) == 2
     said = capsys.readouterr().err
     assert "voltage_V only rises" in said and "record it going up and down" in said and "wiring" not in said
+
+
+@pytest.mark.parametrize("start", ["delay_s = 0.7", "time_constant_s = 1e9", "time_constant_s = 1e-5\ngain = 2.0"])
+def test_a_start_value_that_leads_astray_is_left_and_blames_no_log(tmp_path: Path, start: str) -> None:
+    assert identified(tmp_path, "first_order", start, DRIVE, answered("first_order")) == 0
+    with (tmp_path / "out" / "project.toml").open("rb") as file:
+        found = tomllib.load(file)["plant"]["parameters"]
+    assert found["gain"]["value"] == pytest.approx(2.0, rel=0.01)
+    assert found["time_constant_s"]["value"] == pytest.approx(LAG, rel=0.01)
+
+
+@pytest.mark.parametrize("delay", [0.7, 6.0])
+def test_a_delay_that_is_kept_and_denied_is_told_however_far_off_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], delay: float
+) -> None:
+    kept = f"delay_s = {{ value = {delay}, free = false }}"
+    assert identified(tmp_path, "first_order", kept, DRIVE, answered("first_order")) == 0
+    asked = re.search(r"asks for delay_s = (\S+) in place of (\S+) s", capsys.readouterr().out)
+    assert asked and float(asked[1]) < 0.001 and float(asked[2]) == delay
+
+
+def test_numbers_too_large_or_too_small_to_compute_with_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = answered("first_order")
+    assert identified(tmp_path, "first_order", "input_at_rest = 9e15", DRIVE, output) == 2
+    assert "a value in [plant.parameters] is far too large" in capsys.readouterr().err
+    assert identified(tmp_path, "first_order", "", DRIVE, output * 1e-320) == 2
+    assert "r.csv: column temperature_C: holds nothing larger than" in capsys.readouterr().err

@@ -156,6 +156,6 @@ def test_a_line_beyond_all_that_moves_is_no_drift(turns: float, told: bool, monk
     windows = replace(NONE, window_s=1.0)
     evidence = Evidence(stage, (recording,), windows, fit(stage, [recording], (), windows))
     slope = turns * float(np.ptp(columns["position_rad"])) / 4.0
-    monkeypatch.setattr(drift, "explained", lambda *_: Explanation(0.9, slope, np.zeros(2)))
+    monkeypatch.setattr(drift, "explained", lambda *_: Explanation(0.9, slope, np.zeros(3)))
     said = drift.look(evidence)
     assert bool(said) == told and all("drifts by" in each for each in said)
