@@ -31,8 +31,11 @@ PLACEHOLDERS = (
     *(-(2.0**bits) for bits in (15, 23, 31)),
     *(2.0**bits - 1.0 for bits in (15, 16, 23, 24, 31, 32)),
 )
+_CODES = 3  # times that the same number is leapt to, from which it stands for a reading that failed
+_FARTHEST = 3.0  # times the farthest leap elsewhere, or the least change: so far a number is leapt to that stands so
 _FARTHER = 2.0  # times what all others span, that a placeholder lies beyond them
 _FEWEST_GOOD = 0.1  # of the rows that hold readings
+_SMALL = 0.1  # of the first step: so little moves after it, where it was no swing or decay
 _ALONE = 100.0  # spans beyond the others, from which a leap of an input needs no output to say that it has failed
 
 
@@ -122,8 +125,13 @@ def _leaps(values: Array, drives: Sequence[Array]) -> Rows:
     there, back = kept[1:-1] - kept[:-2], kept[1:-1] - kept[2:]
     leap = np.zeros(len(values))
     leap[first[1:-1]] = np.where(there * back > 0.0, np.minimum(np.abs(there), np.abs(back)), 0.0)
+    if drives and len(kept) > 2 and not any(drive[0] for drive in drives):  # nothing answers an input yet
+        start, after = abs(kept[1] - kept[0]), abs(kept[2] - kept[1])
+        leap[0] = start if after < _SMALL * start else 0.0
     for drive in drives:
         _take_answers(leap, np.diff(drive))
+    if drives and len(code := _same_number(values, leap, first)):
+        return code
     most = 1 + int(_MOST * len(values))
     leapt = np.flatnonzero(leap > 0.0)
     away = np.abs(values[leapt] - np.median(values))  # between two that failed a good one leaps, too, but not so far
@@ -136,6 +144,22 @@ def _leaps(values: Array, drives: Sequence[Array]) -> Rows:
     if not len(found):
         return _NONE
     return np.sort(np.concatenate([np.arange(ranked[k], ends[k]) for k in range(int(found[-1]) + 1)]))
+
+
+def _same_number(values: Array, leap: Array, first: Rows) -> Rows:
+    """Return the rows that leap to one number, again and again, though other readings may come near it."""
+    number = values[int(np.argmax(leap))]
+    away = values != number
+    beside = np.zeros(len(values), dtype=bool)
+    beside[:-1] |= ~away[1:]
+    beside[1:] |= ~away[:-1]
+    steps = np.abs(np.diff(values))
+    usual = max(float(np.max(leap[away & ~beside], initial=0.0)), float(np.min(steps[steps > 0.0], initial=np.inf)))
+    found = np.flatnonzero(~away & (leap > _FARTHEST * usual))
+    if len(found) < _CODES:
+        return _NONE
+    ends = np.append(first[1:], len(values))[np.searchsorted(first, found)]
+    return np.concatenate([np.arange(*run) for run in zip(found, ends, strict=True)])
 
 
 def _beside(kept: Array, ranked: Rows, extreme: np.ufunc) -> Array:
@@ -160,10 +184,13 @@ def _take_answers(leap: Array, steps: Array) -> None:
 def _said(recording: Recording, name: str, rows: Rows) -> str:
     k, values = int(rows[0]), recording.columns[name]
     after = next((each for each in range(k + 1, len(values)) if each not in rows), k)
+    place = f"between {values[k - 1]:.4g} and" if k else "before"
+    alone = np.min(np.abs(np.delete(values, rows) - values[k])) > 0.5 * abs(values[after] - values[k])
+    why = "none else comes near" if alone else "no other is leapt to and left like that"
     more = "" if len(rows) == 1 else f", and {len(rows) - 1} more such" if len(rows) > 2 else ", and one more such"
     return (
-        f"{name} of {recording.source} reads {values[k]:.6g} at {recording.time[k]:.6g} s, between {values[k - 1]:.4g} "
-        f"and {values[after]:.4g}{more}: a reading that failed, for none else comes near; delete the row"
+        f"{name} of {recording.source} reads {values[k]:.6g} at {recording.time[k]:.6g} s, {place} {values[after]:.4g}"
+        f"{more}: a reading that failed, for {why}; delete the row"
         f"{'s' if len(rows) > 1 else ''}"
     )
 
