@@ -59,10 +59,13 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
             f"time, exchange the names time_s and {clock[0]} in the file's header or in [recordings.rename]"
         )
     falls = steps[steps < 0.0]
-    if len(falls) > _DOWN * len(steps) and steps[0] < 0.0:  # one that rises first may be a counter seen too seldom
+    exchanged = _displaced(time) <= min(_SWAPPED, len(time) // 2)  # rows of a clock that rises
+    if len(falls) > _DOWN * len(steps) and steps[0] < 0.0 and not exchanged:  # else a counter seen too seldom, perhaps
         raise _counts_down(time, steps, given, plain, table)
     if len(falls):
         raise _fallen(time, steps, given, plain, table, k)
+    if all(np.all(column[stuck] == column[stuck + 1]) for column in table.columns):
+        raise IdentifyError(f"{plain}: time must rise; {_copies(stuck)}")
     period = _even_period(time)
     many = len(stuck) > max(2, _SHARE * len(time))
     lost = f"{plain}: the time column has lost digits: {len(stuck)} of {len(time)} stamps repeat"
@@ -74,8 +77,6 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
             "the file is then left aside",
             f"[recordings]\nperiod_s = {usual!r}\nstart_s = {float(time[0])!r}",
         )
-    if all(np.all(column[stuck] == column[stuck + 1]) for column in table.columns):
-        raise IdentifyError(f"{plain}: time must rise; {_rows(len(stuck))} written twice, so delete the second of each")
     if many:
         raise IdentifyError(
             f"{lost} with different readings, and the rows are not even, so that no period gives them back; time must "
@@ -177,8 +178,19 @@ def _other_clock(table: RawTable, stuck: NDArray[np.intp]) -> tuple[str, float] 
     return None
 
 
-def _rows(count: int) -> str:
-    return "1 row is" if count == 1 else f"{count} rows are"
+def _displaced(time: Array) -> int:
+    """Return by how many rows the one farthest from the place that its stamp gives it is away from there."""
+    places = np.argsort(np.argsort(time, kind="stable"), kind="stable")
+    return int(np.max(np.abs(places - np.arange(len(time)))))
+
+
+def _copies(stuck: NDArray[np.intp]) -> str:
+    """Say that the rows after those `stuck` are copies of them, reading by reading: no digit of a stamp is lost."""
+    again = 1 + int(np.max(np.diff(np.append(np.flatnonzero(np.diff(stuck, prepend=-2) > 1), len(stuck)))))
+    if again > 2:
+        return f"rows are written up to {again} times, the same in every column; keep the first of each"
+    rows = "1 row is" if len(stuck) == 1 else f"{len(stuck)} rows are"
+    return f"{rows} written twice, so delete the second of each"
 
 
 def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, table: RawTable, k: int) -> IdentifyError:
@@ -211,8 +223,7 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
             f"it before {table.place} {table.places[k + 1]} and list the parts in [recordings]"
         )
     back = f"{plain}: time must rise; it goes back {len(falls)} times, by up to {-float(falls.min()):.4g} s"
-    places = np.argsort(np.argsort(time, kind="stable"), kind="stable")
-    if int(np.max(np.abs(places - np.arange(len(time))))) > _SWAPPED:
+    if _displaced(time) > _SWAPPED:
         return IdentifyError(
             f"{back}: where the clock is a counter that wraps within a few rows, sorting would tear the recording: "
             "give the time between rows as recordings.period_s; sort the rows only if the file has them in no order"

@@ -92,6 +92,9 @@ def test_a_counter_that_wraps_is_named_and_the_cure_keeps_every_row(case: str, b
 
 STANDS: dict[str, tuple[list[str], str]] = {
     "a row written twice": ([*ROWS[:20], ROWS[19], *ROWS[20:]], "delete the second"),
+    "every row written twice": ([row for row in ROWS for _ in range(2)], f"{len(ROWS)} rows are written twice"),
+    "every row written thrice": ([row for row in ROWS for _ in range(3)], "up to 3 times, the same in every column"),
+    "rows swapped in pairs": ([row for k in range(0, 60, 2) for row in (ROWS[k + 1], ROWS[k])], "sort the rows"),
     "two recordings in one file": ([*ROWS, *ROWS], "holds 2 recordings: split it before line 62"),
     "rows from the last to the first": (ROWS[::-1], "turn the rows around"),
     "two recordings of ten seconds": (
