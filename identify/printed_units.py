@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.unit_marks import no_unit, without_direct
+from firmloop.identify.unit_marks import COLUMNS, no_unit, without_marks
 
 POUND, INCH, FOOT, GRAVITY = 0.45359237, 0.0254, 0.3048, 9.80665
 _TURN = 2 * math.pi
@@ -78,7 +78,7 @@ _PLAIN: dict[str, _Row] = {
     "gpm": (231 * INCH**3 / 60, (0, 3, -1, 0, 0), 0, 0),
     "cfm": (FOOT**3 / 60, (0, 3, -1, 0, 0), 0, 0),
     "atm": (101325.0, (1, -1, -2, 0, 0), 0, 0),
-    "mmHg": (133.322387415, (1, -1, -2, 0, 0), 0, 0),
+    **{name: (pascal, (1, -1, -2, 0, 0), 0, 0) for name, pascal in COLUMNS.items()},
     "torr": (101325.0 / 760, (1, -1, -2, 0, 0), 0, 0),
     "hPa": (100.0, (1, -1, -2, 0, 0), 0, 0),
     "cc": (1e-6, (0, 3, 0, 0, 0), 0, 0),
@@ -179,7 +179,7 @@ def conversion(unit: str, wanted: str, key: str) -> Conversion:
         raise IdentifyError(f"{key}: in the unit {unit!r}, {said}")
     found = _readings(unit)
     if not found:
-        known = ", ".join((*_PREFIXED, *_PLAIN))
+        known = ", ".join((*_PREFIXED, *_PLAIN)).replace("water", "H2O")
         raise IdentifyError(f"{key}: the unit {unit!r} holds {_stranger(unit)!r}, which is unknown; known: {known}")
     fits: list[Conversion] = []
     for one in found:
@@ -255,7 +255,7 @@ def _spelled(text: str) -> str:
         for sign, ours in _SIGNS.items():
             plain = plain.replace(sign, ours)
         plain = unicodedata.normalize("NFKC", plain)
-    plain = re.sub(r"(?i)\br\.p\.m\.?", "rpm", without_direct(plain)).replace(" per ", "/")
+    plain = re.sub(r"(?i)\br\.p\.m\.?", "rpm", without_marks(plain)).replace(" per ", "/")
     plain = re.sub(r"(?<![^\W\d_])k\s?min\s*\^?\(?-1\)?", "krpm", plain)  # a thousand a minute, no kilominute
     plain = re.sub(r"(?<![^\W\d_])(k?)(?:r|U|t)(?=/(?:min|s))", r"\1rev", plain)
     plain = re.sub(

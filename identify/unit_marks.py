@@ -1,10 +1,19 @@
-"""What is printed in place of a unit and is none: how a value was taken, capitals that hide which prefix is meant."""
+"""What is printed in a unit and is no symbol: how a value was taken, a fluid that a pressure lifts, hidden prefixes."""
 
 from __future__ import annotations
 
 import re
 
 _DIRECT = re.compile(r"(?i)(v|a|volts?|amps?|amperes?)[ _]?(?:dc|d\.c\.)(?![a-z])")
+_LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}  # m
+_WATER = re.compile(
+    r"(?i)(?<![^\W\d_])(?:(in|ft|mm|cm|m)\.?\s*(?:of\s+)?(?:H2O|Aq|water)|(in)\.?\s*w\.?\s?[cg]\.?)(?![^\W_])"
+)
+# Pa; conventional ones (NIST Special Publication 811, appendix B.8): water of 1000 kg/m^3, mercury of 13,595.1 kg/m^3.
+COLUMNS = {
+    **{f"{name}water": 9806.65 * size for name, size in _LENGTHS.items()},
+    **{f"{name}Hg": 133322.387415 * size for name, size in _LENGTHS.items() if name in ("mm", "cm", "in")},
+}
 _TAKEN = r"(?:rms|eff|pp|pk|p-p|ac)(?![a-z])"
 _NO_UNITS = (
     (
@@ -19,9 +28,12 @@ _NO_UNITS = (
 )
 
 
-def without_direct(unit: str) -> str:
-    """Return `unit` without the DC of volts and amperes, "V DC", "Adc", which leaves their value as it is."""
-    return _DIRECT.sub(r"\1", unit)
+def without_marks(unit: str) -> str:
+    """Return `unit` without the DC of volts and amperes, "V DC", "Adc", which leaves their value as it is.
+
+    A column of water has the name that it has in `COLUMNS`, whether it is printed as "inH2O", "mm Aq" or "in. w.c.".
+    """
+    return _WATER.sub(lambda found: f"{(found[1] or found[2]).lower()}water", _DIRECT.sub(r"\1", unit))
 
 
 def no_unit(unit: str) -> str:
