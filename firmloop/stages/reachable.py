@@ -36,7 +36,7 @@ def beyond_reach(
 
     None also where nothing can be told: an integrator goes anywhere, and an unstable plant rests nowhere.
     """
-    held = _held(outputs, plant, linear)
+    held = held_levels(outputs, plant, linear)
     if held is None:
         return None
     reference, (low, high) = inputs[reference_and_measurement(inputs)[0]], held
@@ -50,7 +50,7 @@ def explained(
     error: NeverFreeError, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...], plant: Plant, linear: Linear
 ) -> DesignError:
     """Add to it where the output's ends hold the plant: gains that were tuned to it are off as the plant is."""
-    held = _held(outputs, plant, linear)
+    held = held_levels(outputs, plant, linear)
     if held is None:
         return error
     wire, asked = outputs[0], inputs[reference_and_measurement(inputs)[0]]
@@ -61,7 +61,7 @@ def explained(
     )
 
 
-def _held(outputs: tuple[Signal, ...], plant: Plant, linear: Linear) -> tuple[float, float] | None:
+def held_levels(outputs: tuple[Signal, ...], plant: Plant, linear: Linear) -> tuple[float, float] | None:
     """Return between which levels the output's ends hold the plant's first output; None where it rests nowhere."""
     a = np.atleast_2d(linear.a)
     if linear.b.shape[1] != 1 or len(outputs) != 1 or np.any(np.linalg.eigvals(a).real >= 0.0):

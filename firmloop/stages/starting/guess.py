@@ -28,6 +28,7 @@ from firmloop.project.table import ProjectError
 from firmloop.stages import fitting, making
 from firmloop.stages.data import Data
 from firmloop.stages.progress import Report
+from firmloop.stages.reachable import held_levels
 from firmloop.stages.starting.candidates import Proposal, proposals
 from firmloop.stages.starting.reading import POSITION, Guesses, integrates, read_guessed
 
@@ -148,7 +149,19 @@ def _settled(first: FirstProject, found: Fit) -> FirstProject:
     slowest = max(lags, default=20.0 * first.period)
     period = max(first.period, _round_down(slowest / _STEPS_PER_LAG))
     closed = max(slowest / _QUICKER, 5.0 * period, linear.delay)
-    return replace(first, parameters=tuple(told), period=period, closed_loop=float(f"{closed:.2g}"))
+    loop = (_within_reach(first.loop, held_levels(first.loop[2:], found.plant, linear)), *first.loop[1:])
+    return replace(first, parameters=tuple(told), period=period, closed_loop=float(f"{closed:.2g}"), loop=loop)
+
+
+def _within_reach(loop: Sequence[Signal], held: tuple[float, float] | None) -> Signal:
+    """Return the reference without what no output of the loop holds the plant at, where any of it is left."""
+    reference = loop[0]
+    if held is None:
+        return reference
+    digit = 10.0 ** (math.floor(math.log10(max(held[1] - held[0], 1e-300))) - 2)  # three digits of what can be held
+    low = max(reference.low, float(f"{math.ceil(held[0] / digit) * digit:.6g}"))
+    high = min(reference.high, float(f"{math.floor(held[1] / digit) * digit:.6g}"))
+    return replace(reference, low=low, high=high) if low < high else reference
 
 
 def _loop(recordings: Sequence[Recording], drive: str, output: str) -> tuple[Signal, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -143,3 +144,19 @@ def test_no_output_is_taken_for_the_input_where_the_input_never_changes(said: Sa
     del columns["heater_percent"]
     status, shown = said(columns)
     assert status == 0 and "temperature_C -> temp2_C" in shown
+
+
+@pytest.mark.parametrize(("gain", "rest"), [(2.0, 0.0), (-0.8, 66.0)])
+def test_the_reference_of_a_first_project_is_one_that_can_be_held(
+    gain: float, rest: float, said: Said, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A measurement goes farther than a reference may: it overshoots, and is noisy."""
+    output = rest + lagged(PULSE, gain, 0.8) + np.random.default_rng(1).normal(0.0, 0.2, ROWS)
+    assert said({"time_s": TIME, "fan_percent": PULSE, "temperature_C": output})[0] == 0
+    signals = tomllib.loads((tmp_path / "p.toml").read_text())["signals"]
+    ends = sorted(rest + gain * signals["output"][end] for end in ("low", "high"))
+    near, reference = 0.02 * (ends[1] - ends[0]), signals["reference"]
+    assert abs(reference["low"] - ends[0]) < near and abs(reference["high"] - ends[1]) < near
+    assert signals["measurement"]["high"] > reference["high"]
+    assert main(["design", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert "never reached" not in (shown := capsys.readouterr().out) and "reference not reached" not in shown
