@@ -68,10 +68,15 @@ class Trajectory:
     saturated: npt.NDArray[np.bool_]  # a flag of the law is raised
 
     @property
-    def held_back(self) -> bool:
-        """Whether the output ends at its limit and the measurement farther than 5 % of the step from the reference."""
+    def off(self) -> bool:
+        """Whether the measurement ends farther than 5 % of the step from the reference."""
         asked, came = float(self.reference[-1]), float(self.measurement[-1])
-        return bool(self.saturated[-1]) and abs(asked - came) > STAYS * abs(asked)
+        return abs(asked - came) > STAYS * abs(asked)
+
+    @property
+    def held_back(self) -> bool:
+        """Whether it ends there and the output at its limit."""
+        return bool(self.saturated[-1]) and self.off
 
 
 def loop_response(law: Law, linear: Linear, frequency: Array) -> Response:

@@ -180,11 +180,13 @@ def margin_rows(loop: Loop) -> list[tuple[str, str]]:
 
 
 def step_rows(loop: Loop) -> list[tuple[str, str]]:
-    """Step metrics, likewise; where the actuator cannot do the step, what comes of it instead."""
+    """Step metrics, likewise; where it ends elsewhere than it was asked to, what comes of it instead."""
     step, figures = loop.step, _figure_rows(loop, loop.metrics, METRICS, NOT_REACHED)
-    if not (loop.margins.stable and step.held_back):
+    rests = math.isfinite(loop.metrics.settling_2_s) and loop.to_rest <= len(step.time) * float(step.time[1])
+    if not loop.margins.stable or not (step.held_back or (step.off and rests)):
         return figures
-    short = short_of(float(step.measurement[-1]), float(step.reference[-1]))
+    came, asked = float(step.measurement[-1]), float(step.reference[-1])
+    short = short_of(came, asked) if step.held_back else f"{came:.3g} of {asked:.3g}, where this loop rests"
     return [(UNREACHED, f"{short}; the figures below are of what comes"), *figures]
 
 

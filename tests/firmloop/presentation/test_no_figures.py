@@ -104,6 +104,18 @@ def test_a_step_beyond_the_actuator_is_told(
     assert (told.group(1) if told else "") == short, said
 
 
+@pytest.mark.parametrize(("controller", "short"), [("kp = 1.0", "10 of 22.5"), ("kp = 1.0\nki = 0.02", "")])
+def test_a_step_that_rests_elsewhere_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], controller: str, short: str
+) -> None:
+    """Without an integral a loop of gain 0.8 rests at 0.8/1.8 of what it was asked for, and settles there."""
+    parameters = LAG.format(gain=0.8) + LATE
+    text = PROJECT.format(kind="first_order", parameters=parameters, controller=controller, low=0, high=100)
+    said, _ = designed(tmp_path, capsys, text)
+    told = re.search(r"reference not reached  (.*), where this loop rests", said)
+    assert (told.group(1) if told else "") == short, said
+
+
 def test_a_loop_that_runs_away_has_no_step(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = PROJECT.format(
         kind="first_order",
