@@ -43,22 +43,32 @@ def rivals_noise(search: Search) -> bool:
     is little beside the drive may lead a position far away.
     """
     problem, alone = search.problem, search.nominal
-    answers = _answers(search)
+    plant, lefts = _refitted(search)
+    answers = _answers(search, lefts)
     if mostly(answers):
         return True
     if not unlike_noise(problem, alone):
         return False
     if any(answers):
         return True
-    residuals = alone.fitted.residuals
-    noise = sensor_noises(residuals, problem.floors)
-    found = disturbances(nominal_plant(search, alone), problem.train, residuals, noise)
+    found = disturbances(plant, problem.train, lefts, sensor_noises(lefts, problem.floors))
     shares = [each.share for each in found.values() if each.share is not None]
     return not shares or max(shares) > RIVALS_DRIVE
 
 
-def _answers(search: Search) -> list[bool]:
-    """Tell of each recording whose input no controller made whether that explains some of what the plain refit leaves.
+def _refitted(search: Search) -> tuple[Plant, Sequence[Array]]:
+    """Return the plant that stands where nothing is explained, and what its simulations leave (n, r), as is printed."""
+    problem, alone = search.problem, search.nominal
+    if search.refit is None:
+        return nominal_plant(search, alone), alone.fitted.residuals
+    values = {**alone.fitted.point.values, **{p.name: p.value for p in search.refit.parameters}}
+    point = fit_starts(problem, problem.train, values, flat(alone.noises))
+    lefts = [residual_of(problem, recording, point, k) for k, recording in enumerate(problem.train)]
+    return problem.plant.valued(values), lefts
+
+
+def _answers(search: Search, lefts: Sequence[Array]) -> list[bool]:
+    """Tell of each recording whose input no controller made whether that explains some of what is left (n, r).
 
     A controller answers a disturbance; an input that stands still in most rows was not made by one.
     """
@@ -66,10 +76,8 @@ def _answers(search: Search) -> list[bool]:
     if refit is None or len(refit.inputs) != 1:
         return []
     drives = [each.columns[refit.inputs[0].name] for each in problem.train]
-    point = fit_starts(problem, problem.train, {p.name: p.value for p in refit.parameters}, flat(search.nominal.noises))
-    lefts = {k: residual_of(problem, recording, point, k) for k, recording in enumerate(problem.train)}
     still = [float(np.mean(np.diff(drive) == 0.0)) > HELD_INPUT for drive in drives]
-    given = {k: left for k, left in lefts.items() if still[k] or not made_from(drives[k], left)}
+    given = {k: left for k, left in enumerate(lefts) if still[k] or not made_from(drives[k], left)}
     return answered(problem, refit, given) if given else []
 
 
