@@ -198,7 +198,7 @@ def _said(recording: Recording, name: str, rows: Rows) -> str:
 CHECK = Check(
     "spikes",
     look,
-    ("rest", "drift", "structure", "scale", "motor_constants", "excitation"),
+    ("frozen", "rest", "drift", "structure", "scale", "motor_constants", "excitation"),
     False,
     ("diagnose",),
 )

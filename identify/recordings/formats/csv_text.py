@@ -280,6 +280,9 @@ def _culprit(
 ) -> Misread:
     """Go through the rows one by one until one does not parse; only called when the fast way failed."""
     widths = [len(row.split(dialect.delimiter)) for row in rows[:_SAMPLE]]
+    if digits := _split_decimals(rows[:_SAMPLE], len(names), dialect):
+        wrong = f"has more numbers in a row than names, and some are digits alone, such as {digits!r}: decimal commas"
+        return Misread(f"line {numbers[0]}", f"{wrong} between commas", "export it with ; or tabs between columns")
     if len(rows) > 2 and len({*widths}) == 1 and widths[0] != len(names) > 1:
         wrong = f"has {len(names)} names above {widths[0]} values in every row"
         return Misread(f"line {numbers[0] - 1}", wrong, "give the header one name for each column; keep the rows")
@@ -318,6 +321,22 @@ def _culprit(
                     )
                 return Misread(f"line {number}, column {name}", wrong, remedy)
     return Misread("", f"cannot be parsed: {says}", "write plain decimal numbers separated by commas")
+
+
+def _split_decimals(rows: list[str], names: int, dialect: Dialect) -> str:
+    """Return digits that stood behind a decimal comma where commas part columns, too; blank where none did.
+
+    They have no sign and no point, and as many of them in every row: only so does a number begin with a zero.
+    """
+    cells = [row.split(dialect.delimiter) for row in rows]
+    if dialect.delimiter != "," or len(rows) < 3 or any(len(each) <= names for each in cells):
+        return ""
+    for column in zip(*cells, strict=False):
+        if len({*map(len, column)}) == 1 and all(each.isdecimal() for each in column):
+            found = next((each for each in column if len(each) > 1 and each.startswith("0")), "")
+            if found and any(each != found for each in column):
+                return str(found)
+    return ""
 
 
 def _width(row: str, dialect: Dialect) -> int:

@@ -20,7 +20,7 @@ from firmloop.identify.recordings.text.calendar_stamps import with_seconds
 from firmloop.identify.recordings.text.chatter import listed_lines
 from firmloop.identify.recordings.text.lines import Lines
 
-_NUMBER = r"[-+]?\.?\d[\d.]*(?:[eE][-+]?\d+)?|nan"
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan"
 _PAIR = re.compile(
     rf"[\s,;>|]*([A-Za-z_][\w .()/\[\]%]*?)\s*[:=]\s*({_NUMBER})( ?(?!nan)[^\W\d][\w/^*]*|%)?(?=[\s,;|]|$)(?!\s*[:=])"
 )
@@ -42,7 +42,8 @@ def read_named_values(lines: Lines) -> RawTable | Misread | None:
         return None
     told = ["has a name before each value, as plotters of serial lines read them"]
     seconds, stamps, _ = with_seconds(lines)
-    found = [each for k, line in enumerate(seconds) if line.strip() and len((each := _named(k + 1, line))[2]) > 1]
+    named = [_named(k + 1, line) for k, line in enumerate(seconds) if line.strip()]
+    found = [each for each in named if len(each[2]) > 1]
     filled = sum(bool(line.strip()) for line in lines)
     counted = Counter(tuple(name for name, *_ in pairs) for *_, pairs in found).most_common(1)
     names, count = counted[0] if counted else ((), 0)
@@ -59,7 +60,7 @@ def read_named_values(lines: Lines) -> RawTable | Misread | None:
         names, columns, units = ("time_s", *names), [time, *columns], ["s", *units]
         told.append(stamps or "has a stamp before them, which is taken for time_s")
     whole = {place for place, *_ in rows}
-    torn = [place for place, *_ in found if place not in whole]
+    torn = [place for place, _, pairs in named if place not in whole and any(pair[0] in names for pair in pairs)]
     if torn and time is None and not clocked:
         wrong = f"does not name {', '.join(names[:9])}, as most lines do"
         return Misread(f"line {torn[0]}", wrong, "complete the line or delete it; keep the others")

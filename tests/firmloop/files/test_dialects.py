@@ -260,6 +260,10 @@ def test_an_instruments_export_reads_like_the_plain_file(maker: str, bench: Call
 
 REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
     "decimal commas between commas": (PLAIN.replace(".", ","), ("decimal commas", ";")),
+    "decimal commas in some of the columns": (
+        "\n".join([HEADER, *(f"{0.01 * k:.4f},{k % 3},{0.3 * k:.3f}".replace(".", ",") for k in range(40))]),
+        ("line 2", "'0000': decimal commas between commas", "export it with ;"),
+    ),
     "thousands or fractions": (
         "time_s;voltage_V;a_V\n" + "\n".join(f"{k};1,{k + 100};2,{k + 200}" for k in range(40)),
         ("two ways", "1,100", "thousands"),

@@ -59,8 +59,9 @@ def test_the_lines_of_a_log_are_not_told_to_leave_themselves_out(tmp_path: Path,
         assert "out of the file" not in said and ("below a header" in said or "has no header" in said), said
 
 
-def test_lines_without_a_stamp_that_lack_a_value_are_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("broken", ["duty=0.8, he=3", "duty=0.840.55, heat=3"])
+def test_lines_without_a_stamp_that_lack_a_value_are_named(tmp_path: Path, broken: str) -> None:
     lines = [f"duty={u}, heat={y}" for _, u, y in ROWS]
-    lines[7] = "duty=0.8, he=3"
+    lines[7] = broken
     with pytest.raises(IdentifyError, match="line 8: does not name duty, heat, as most lines do"):
         read(tmp_path / "log.txt", lines, {})
