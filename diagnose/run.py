@@ -22,6 +22,7 @@ from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import HOLD_GAIN
 from firmloop.diagnose.search.chance import evidence_of
+from firmloop.diagnose.search.exchange import twins
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.harmless import (
     EVERYWHERE,
@@ -212,6 +213,7 @@ def _explained(plant: Plant, train: Sequence[Recording], progress: Progress) -> 
         other, rest = completed(search(again, progress), progress)
         if other.best.score < found.best.score:
             found, shape = other, rest
+    found = replace(found, rounds=(*found.rounds, twins(found.problem, found.best, found.rounds)))
     sure, notes, held_value = against_given(found)
     if sure.best is not found.best:
         shape = best_shape(sure, sure.best)

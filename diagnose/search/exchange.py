@@ -21,7 +21,7 @@ from firmloop.diagnose.model.candidate import (
 )
 from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, own_evidence
-from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, searched
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
     CLEAR_GAIN,
@@ -94,11 +94,21 @@ def tied(rounds: Sequence[Sequence[Candidate]], best: Fitted) -> list[tuple[Libr
     return found
 
 
-def twins(problem: Problem, best: Candidate, rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, ...]:
-    """Fit what an effect is mistaken for, or has tied with, in its place, beside the best and all that ties with it.
+def retied(problem: Problem, best: Candidate, rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, ...]:
+    """Fit beside the best what tied with one of its effects, as far as that has not been tried there."""
+    known = [set(each.fitted.terms) for candidates in rounds for each in candidates]
+    return tuple(
+        _translated(problem, best, gone, come)
+        for gone, come in tied(rounds, best.fitted)
+        if {*best.fitted.terms, come} - {gone} not in known
+    )
 
-    What ties with a twin of the best is as likely as that: a load for an offset, a friction for the load. What was
-    tried before is not tried again.
+
+def twins(problem: Problem, best: Candidate, rounds: Sequence[Sequence[Candidate]]) -> tuple[Candidate, ...]:
+    """Fit what an effect is mistaken for in its place, beside the best and all that ties with it.
+
+    What ties with a twin of the best is as likely as that: a load for an offset, a friction for the load. What has a
+    moment of its own is no twin, and what was tried before is not tried again.
     """
     known = {frozenset(each.fitted.terms) for candidates in rounds for each in candidates}
     found = [best, *(each for candidates in rounds for each in candidates)]
@@ -106,9 +116,10 @@ def twins(problem: Problem, best: Candidate, rounds: Sequence[Sequence[Candidate
     for each in found:  # which grows
         if len(each.fitted.terms) != len(best.fitted.terms) or abs(each.score - best.score) >= TIE:
             continue
-        for gone, come in (*tied(rounds, each.fitted), *mistaken(problem, each.fitted)):
+        for gone, come in mistaken(problem, each.fitted):
             terms = frozenset({*each.fitted.terms, come} - {gone})
-            if terms not in known and problem.engine.steps - begun < EXCHANGE_PATIENCE:
+            new = terms not in known and not searched(come)
+            if new and problem.engine.steps - begun < EXCHANGE_PATIENCE:
                 known.add(terms)
                 found.append(_translated(problem, each, gone, come, CLEAR_GAIN))
     return tuple(found[first:])

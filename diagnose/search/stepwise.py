@@ -52,7 +52,7 @@ from firmloop.diagnose.policy import (
     TIE,
     WORTH_A_REFIT,
 )
-from firmloop.diagnose.search.exchange import amounting, merged, parted, swapped, twins
+from firmloop.diagnose.search.exchange import amounting, merged, parted, retied, swapped
 from firmloop.diagnose.search.found import Hypothesis, Progress, Search, beside, near_best
 from firmloop.diagnose.search.from_given import (
     from_balance,
@@ -170,7 +170,7 @@ def levelled(found: Search) -> Search:
     problem, best = found.problem, found.best
     near = near_best(found).values()
     every = sorted((best, *(_unwhitened(problem, each) for each in near)), key=lambda each: each.score)
-    every += twins(problem, every[0], (*found.rounds, every))
+    every += retied(problem, every[0], (*found.rounds, every))
     return replace(found, best=min(every, key=lambda each: each.score), rounds=(*found.rounds, tuple(every)))
 
 

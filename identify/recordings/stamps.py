@@ -59,7 +59,7 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
             f"time, exchange the names time_s and {clock[0]} in the file's header or in [recordings.rename]"
         )
     falls = steps[steps < 0.0]
-    exchanged = _displaced(time) <= min(_SWAPPED, len(time) // 2)  # rows of a clock that rises
+    exchanged = _displaced(time) <= min(_SWAPPED, len(time) // 4)  # rows of a clock that rises
     if len(falls) > _DOWN * len(steps) and steps[0] < 0.0 and not exchanged:  # else a counter seen too seldom, perhaps
         raise _counts_down(time, steps, given, plain, table)
     if len(falls):
