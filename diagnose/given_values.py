@@ -23,7 +23,7 @@ from firmloop.identify.plants.plant import Parameter
 
 @dataclass(frozen=True, slots=True)
 class HeldValue:
-    """A value that the project holds, and fitted explains as much as an effect, or clearly more."""
+    """A value that the project holds, and that fitted explains as much as an effect, but not clearly more."""
 
     instead: LibraryTerm
     says: str
@@ -81,8 +81,7 @@ def _freed(problem: Problem, best: Candidate) -> Iterator[_Freed]:
     for parameter in problem.plant.parameters:
         if parameter.free or not parameter.value:  # what is zero was never measured
             continue
-        every = tuple(replace(p, free=p.free or p.name == parameter.name) for p in problem.plant.parameters)
-        other = replace(problem, plant=replace(problem.plant, parameters=every))
+        other = replace(problem, plant=problem.plant.freed(parameter.name))
         for gone in best.fitted.terms:
             one = fit(other, other.train, *without(best.fitted, gone), best.noises, STEPS_OF_A_TRIAL)
             if own_evidence(other, one) - least > CLEAR_GAIN:

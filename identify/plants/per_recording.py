@@ -84,8 +84,7 @@ def without_varying(plant: Plant) -> Plant:
 def in_common(plant: Plant, names: Sequence[str]) -> Plant:
     """Return the plant whose parameters of these full names all recordings share after all, to be fitted."""
     varying = tuple(one for one in plant.varying if one.parameter not in names)
-    parameters = tuple(replace(p, free=p.free or p.name in names) for p in plant.parameters)
-    return replace(plant, parameters=parameters, varying=varying)
+    return replace(plant.freed(*names), varying=varying)
 
 
 def without_value(plant: Plant) -> tuple[str, ...]:

@@ -151,3 +151,7 @@ class Plant:
     def valued(self, values: Mapping[str, float]) -> Plant:
         """Return the plant with these values of its parameters, by name; what is not among them stays."""
         return replace(self, parameters=tuple(replace(p, value=values.get(p.name, p.value)) for p in self.parameters))
+
+    def freed(self, *names: str) -> Plant:
+        """Return the plant with these of its parameters to be fitted as well, by name."""
+        return replace(self, parameters=tuple(replace(p, free=p.free or p.name in names) for p in self.parameters))

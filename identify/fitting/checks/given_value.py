@@ -43,8 +43,7 @@ def _left(evidence: Evidence, output: str) -> float:
 
 def _freed(evidence: Evidence, value: Parameter) -> Fit | None:
     """Return the fit with one kept value set free, if that leaves little and nothing that the input explains."""
-    parameters = tuple(replace(each, free=each.free or each.name == value.name) for each in evidence.given.parameters)
-    plant = replace(evidence.given, parameters=parameters)  # what is wrong is no value to begin with
+    plant = evidence.given.freed(value.name)  # what is wrong is no value to begin with
     found = tried(unguided(plant) or plant, evidence.recordings, evidence.conditioning)
     if found is None:
         return None

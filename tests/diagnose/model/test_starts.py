@@ -12,6 +12,7 @@ from firmloop.diagnose.model.hypothesis import Point, entered, first_point
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.identify.fitting.noise import white
 from tests.diagnose.cases import drawn, logged, problem_of, truths
+from tests.diagnose.search.test_free_swing import INERTIA, PROJECT
 
 SEED = 780124  # a stage that rests at first, of dry friction and a slew rate
 
@@ -34,26 +35,6 @@ def test_a_stage_at_rest_is_found_where_it_is(tmp_path: Path) -> None:
     assert test < 1.01 * train
 
 
-PENDULUM = """schema = 1
-name = "swing"
-[recordings]
-train = ["log.csv"]
-[plant]
-kind = "ode"
-states = ["angle_rad", "speed_rad_s"]
-inputs = ["torque_N_m"]
-[plant.outputs]
-position_rad = "angle_rad"
-[plant.derivatives]
-angle_rad = "speed_rad_s"
-speed_rad_s = "(torque_N_m - m_N_m*sin(angle_rad) - c_N_m_s*speed_rad_s)/J_kg_m2"
-[plant.parameters]
-J_kg_m2 = { value = 1e-4, free = false }
-m_N_m = { value = 4e-3, free = true }
-c_N_m_s = { value = 2e-6, free = true }
-"""
-
-
 def test_a_free_swing_is_found_where_it_begins_however_long_it_goes_on(tmp_path: Path) -> None:
     angle, speed, step, finer, read = 2.0, 3.0, 0.02, 200, []
     for _ in range(3000):
@@ -62,9 +43,10 @@ def test_a_free_swing_is_found_where_it_begins_however_long_it_goes_on(tmp_path:
             speed -= step / finer * (40.0 * np.sin(angle) + 0.02 * speed)
             angle += step / finer * speed
     noisy = np.array(read) + np.random.default_rng(2).normal(0.0, 2e-3, 3000)
-    problem = problem_of(
-        logged(tmp_path, PENDULUM, "time_s,torque_N_m,position_rad", step * np.arange(3000), np.zeros(3000), noisy)
-    )
+    text = PROJECT.format(pulled="sin(angle_rad)", stiffness=40.0 * INERTIA, damping=0.02 * INERTIA)
+    text = text.replace("swing.csv", "log.csv")
+    head = "time_s,torque_N_m,angle_rad"
+    problem = problem_of(logged(tmp_path, text, head, step * np.arange(3000), np.zeros(3000), noisy))
     values = {each.name: each.value for each in problem.plant.parameters}
     point = fit_starts(problem, problem.train, values, [white(2e-3)])
     assert np.std(residual_of(problem, problem.train[0], point, 0)) < 6e-3
