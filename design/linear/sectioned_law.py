@@ -10,9 +10,11 @@ import casadi as ca
 from firmloop.design.design import Request
 from firmloop.design.discretize.rational import METHODS, Rational, from_s
 from firmloop.design.discretize.sections import FORMS, Section, sections
+from firmloop.design.discretize.unit_circle import written
 from firmloop.design.draft import Draft, Element
 from firmloop.design.law import DesignError
 from firmloop.design.linear.linear_law import symbols, weighted_sum
+from firmloop.design.linear.reach import ON_CIRCLE
 from firmloop.design.roles import check_meeting, reference_and_measurement
 from firmloop.design.table import choice, positive
 from firmloop.identify.signal import Signal
@@ -72,7 +74,8 @@ def sectioned(request: Request, rational: Rational, says: str, gains: Mapping[st
         figures |= {f"section_{k}_b{j}": factor for j, factor in enumerate(section.b)}
         figures |= {f"section_{k}_a{j}": factor for j, factor in enumerate(section.a, 1)}
     forms = "+".join(section.form for section in chain)
-    head = f"{says}; {len(chain)} section{'' if len(chain) == 1 else 's'} ({forms})" if chain else says
+    told = says + _kept_for_ever(rational)
+    head = f"{told}; {len(chain)} section{'' if len(chain) == 1 else 's'} ({forms})" if chain else told
     return Draft(head, inputs, tuple(state), (value,), named, figures)
 
 
@@ -104,6 +107,19 @@ def _written(section: Section, k: int, e: ca.SX, unit: str) -> tuple[ca.SX, list
         after = weighted_sum([kept, section.b[j + 1], -section.a[j], 1.0], [symbol, e, y, further])
         state.append(Element(symbol.name(), unit, symbol, after))
     return y, state
+
+
+def _kept_for_ever(rational: Rational) -> str:
+    """Say which poles stand on the unit circle: an integrator is meant so, a filter whose digits were cut is not."""
+    poles = 1 + rational.poles
+    on = [pole for pole in poles if abs(pole) >= 1 - ON_CIRCLE]
+    if not on:
+        return ""
+    at = ", ".join(dict.fromkeys(written(pole) for pole in on))
+    return (
+        f"; note: {len(on)} of its {len(poles)} poles on the unit circle, at z = {at}: it keeps for ever what it is "
+        "given, as an integrator does; if a filter that forgets was meant, its coefficients have too few digits"
+    )
 
 
 def _names(wires: Iterable[Signal]) -> str:

@@ -81,6 +81,14 @@ def test_a_low_pass_of_high_order_is_held_in_32_bits(shape: str, order: int, cut
     assert answer == pytest.approx(0.5 * np.prod(rows[:, :3].sum(axis=1) / rows[:, 3:].sum(axis=1)), abs=0.005)
 
 
+@pytest.mark.parametrize(("digits", "told"), [(4, "4 of its 4 poles on the unit circle, at z = 1: it keeps"), (17, "")])
+def test_a_filter_that_too_few_digits_made_an_integrator_is_told_so(digits: int, told: str) -> None:
+    """Butterworth's sections of so low a cut-off print as (z - 1)^2 in four digits: no error, and no filter either."""
+    rows = scipy.signal.butter(4, 1e-6, output="sos")
+    says = made({"sections": [[float(f"{value:.{digits}g}") for value in row] for row in rows]}).law.says
+    assert told in says and ("unit circle" in says) == bool(told)
+
+
 def test_sections_are_the_filter_that_its_polynomial_is() -> None:
     rows = scipy.signal.ellip(5, 1.0, 40.0, 0.3, output="sos")
     above, below = scipy.signal.ellip(5, 1.0, 40.0, 0.3)
