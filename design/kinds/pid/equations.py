@@ -207,10 +207,8 @@ def _limited(
         return limited, limited != wanted
     most = pid.rate * pid.period
     least, greatest = x["output_last"] - most, x["output_last"] + most
-    if isinstance(given.u_min, ca.SX) or isinstance(given.u_max, ca.SX):  # a limit that moves is kept at once
-        limited = ca.fmin(ca.fmax(ca.fmin(ca.fmax(wanted, least), greatest), given.u_min), given.u_max)
-    else:
-        limited = ca.fmin(ca.fmax(wanted, ca.fmax(least, given.u_min)), ca.fmin(greatest, given.u_max))
+    # The range comes last: it holds whatever output_last is, and a limit that moves is kept at once.
+    limited = ca.fmin(ca.fmax(ca.fmin(ca.fmax(wanted, least), greatest), given.u_min), given.u_max)
     nexts["output_last"] = limited
     return limited, limited != wanted
 

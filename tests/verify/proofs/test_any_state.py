@@ -14,15 +14,18 @@ from firmloop.codegen.bundle import Bundle
 from firmloop.codegen.emit import emit
 from firmloop.codegen.target import load_target
 from firmloop.quantize.lower.lower import lower
+from firmloop.quantize.not_a_number import spelled_out
 from firmloop.quantize.program import Program
 from firmloop.verify.block import run_blocks
 from firmloop.verify.build.host import build_host
 from firmloop.verify.compare import compare
 from firmloop.verify.links.library import LibraryLink
-from firmloop.verify.proofs.any_state import STEPS, Departures, any_state, departures
+from firmloop.verify.proofs.any_state import STEPS, Departures, any_state, departures, opened
+from firmloop.verify.reference import Machine
 from firmloop.verify.run import verify
 from firmloop.verify.stimuli.stimuli import stimuli
 from firmloop.verify.verdict import Verdict
+from tests.laws import pid
 
 
 @cache
@@ -73,6 +76,20 @@ def test_states_are_drawn_from_what_a_step_can_leave() -> None:
     assert (reached.min(), reached.max()) == (-limit, limit)
     assert len(np.unique(reached)) > 1000
     assert random.min() < -(2**31) * 0.99 and random.max() > 2**31 * 0.99
+
+
+@pytest.mark.parametrize("name", [*laws(), "pid with a rate limit"])
+def test_outputs_of_a_float_controller_stay_in_their_ranges_whatever_bits_its_state_holds(name: str) -> None:
+    limited = pid({"kp": 0.05, "ki": 1.4, "rate_limit_per_s": 2000.0})
+    program = spelled_out(lower(laws().get(name, limited), "float32"))
+    step, count = opened(program), 60 if program.solves else 3000
+    random = np.random.default_rng(1)
+    inputs = [random.uniform(v.low, v.high, count).astype(np.float32) for v in program.inputs]
+    words = [random.integers(0, 2**32, count, dtype=np.uint32).view(np.float32) for _ in program.state]
+    with np.errstate(all="ignore"):
+        found = Machine(step).named(Machine(step).step([*inputs, *words], []))
+    for value, store in zip(program.outputs, program.results, strict=True):
+        assert np.all((found[store.source] >= value.low) & (found[store.source] <= value.high)), value.name
 
 
 def _verdict(name: str, arithmetic: str, text: str, what: str, steps: int) -> Verdict:
