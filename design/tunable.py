@@ -86,7 +86,8 @@ def _around(default: float) -> tuple[float, float]:
 
 
 def _parameter(ranges: Mapping[str, object], name: str, unit: str, default: float) -> TunableParameter:
-    found = numbers(ranges, name, None)
+    key = f"ranges.{name}"
+    found = numbers({key: ranges[name]}, key, None)
     if len(found) != 2 or not found[0] < found[1]:
         raise DesignError(
             f"controller.ranges.{name} = {list(found)} is not a range; write the low end and a higher one"

@@ -215,6 +215,7 @@ def test_a_tunable_controller_agrees_on_the_m4f(arithmetic: str) -> None:
         ('["kp", "ki"]', '["kp"]', "controller.ranges.ki is the range of nothing"),
         ('["kp", "ki"]', '["kp", "ki", "kp"]', "twice"),
         ("kp = [0.0, 0.2]\n", "", "controller.ranges.kp is missing"),
+        ("kp = [0.0, 0.2]", "kp = [0.0, inf]", "controller.ranges.kp = inf is not finite"),
         ("kp = [0.0, 0.2]", "kp = [0.2, 0.0]", "not a range"),
         ("kp = [0.0, 0.2]", "kp = [0.1, 0.2]", "does not hold the value at the start, 0.05"),
         ("kp = [0.0, 0.2]", "kp = [0.0, 1e30]", "too large for fixed point"),
