@@ -13,7 +13,7 @@ from firmloop.identify.plants.assembly import OUTPUT, Assembly
 from firmloop.identify.plants.attach import inside_of, placed
 from firmloop.identify.plants.effect import Effect, Site
 from firmloop.identify.plants.linear_forms import Forms, FormWriter, form_writer
-from firmloop.identify.plants.plant import Plant, Varying
+from firmloop.identify.plants.plant import Balance, Plant, Varying
 from firmloop.identify.simulation.course import Course
 from firmloop.identify.simulation.marshal import Equations, Job, equations_of, job, library, run_job
 from firmloop.identify.simulation.segments import Segments, segments, slew_function
@@ -243,6 +243,9 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
         tuple((use.name, use.output, use.at) for use in plant.effects),
         tuple((p.name, p.low, p.high) for p in plant.parameters),
         plant.varying,
+        plant.delay,
+        plant.input_at_rest,
+        tuple(map(_told, plant.balances)),
     )
     found = _SIMULATORS.get(key)
     if found is None:
@@ -267,6 +270,13 @@ def effect_simulator(plant: Plant) -> EffectSimulator:
             _SIMULATORS.pop(next(iter(_SIMULATORS)))
         _SIMULATORS[key] = found
     return found
+
+
+def _told(balance: Balance) -> tuple[object, ...]:
+    """Return what tells a balance from another: an `ode` may say of the same equations where effects enter."""
+    functions = (balance.per, balance.effort, balance.current, balance.resistance)
+    texts = tuple(None if function is None else function.serialize() for function in functions)
+    return balance.kind, balance.state, balance.position, balance.to, balance.inside, texts
 
 
 def _opened(plant: Plant, effects: Sequence[tuple[Effect, Site, tuple[int, ...]]]) -> Plant:

@@ -45,6 +45,7 @@ VALUES = {
     "flexible_coupling": {"stiffness_N_m_rad": 30.0, "load_inertia_kg_m2": 0.02, "damping_N_m_s_rad": 0.05},
     "backlash": {"gap_rad": 0.2, "load_inertia_kg_m2": 0.03},
 }
+SHARES = {"torque_ripple": {"ratio": 0.2, "periods_per_rev": 3.0}, "load_dependent_friction": {"ratio": 0.15}}
 
 
 def table(order: tuple[str, ...], *entries: dict[str, object], reverse: bool = False) -> dict[str, object]:
@@ -151,3 +152,13 @@ def test_one_body_needs_no_place_and_takes_its_name():
     assert named.parameters == plain.parameters
     assert places_of(plain, effects()["load_torque"]) == ("speed_rad_s",)
     assert with_effects(named, named.effects).effects == named.effects
+
+
+def test_equations_that_differ_in_what_drives_a_body_alone_are_two_plants():
+    """One was simulated as the other where both were loaded into one process."""
+    entry = {"name": "torque_ripple", **SHARES["torque_ripple"]}
+    halved = {**BALANCES, "w1": {**BALANCES["w1"], "effort": "0.5*torque_N_m"}}
+    whole, half = (plant_from_table({**table(STATES, entry), "balances": made}) for made in (BALANCES, halved))
+    less = {**entry, "ratio": 0.1}
+    assert simulate(half, RUN, None) == pytest.approx(run(STATES, less), rel=1e-6, abs=1e-6)
+    assert np.max(np.abs(simulate(whole, RUN, None) - simulate(half, RUN, None))) > 0.01
