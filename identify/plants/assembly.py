@@ -111,7 +111,8 @@ class Assembly:
         self.bodies = bodies = [index for index, b in enumerate(plant.balances) if b.kind in ("torque", "force")]
         if bodies:
             self.act_at(bodies[0])
-            self.effort_x, self.effort_u = self._split(forms.balances[bodies[0]].effort)
+        if plant.driven >= 0:
+            self.effort_x, self.effort_u = self._split(forms.balances[plant.driven].effort)
         for index, balance in enumerate(plant.balances):
             if balance.current is not None:
                 self.current_x, self.current_u = self._split(forms.balances[index].current)

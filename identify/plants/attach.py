@@ -9,11 +9,17 @@ from types import MappingProxyType
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.plants.effect import Effect, EffectParameter, Site
-from firmloop.identify.plants.effects import applies, candidates, find_effect
+from firmloop.identify.plants.effects import applies, candidates, find_effect, scales_drive
 from firmloop.identify.plants.further_states import with_states
 from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import ending_of, unit_of
+
+_EXAMPLES = {  # entries of [plant.balances]
+    "torque": 'kind = "torque", per = "1/J_kg_m2", position = "POSITION"',
+    "voltage": 'kind = "voltage", per = "1/L_H"',
+    "flow": 'kind = "flow", per = "1/A_m2"',
+}
 
 __all__ = [
     "EffectUse",
@@ -37,9 +43,7 @@ def site_of(plant: Plant, effect: Effect, output: str | None, at: str | None = N
     """Say where an effect enters; IdentifyError where the plant has no such place."""
     where = f"plant.effects: {effect.name}"
     if not applies(effect, plant):
-        raise IdentifyError(
-            f"{where} needs {_article(effect.place)} of the plant, and {plant.kind} has none; leave it out"
-        )
+        raise IdentifyError(f"{where} {_lacking(plant, effect)}")
     outputs = [signal.name for signal in plant.outputs]
     index, balance = 0, _balance(plant, effect, at if at is not None or effect.place != "flow" else output)
     if effect.place in ("sensor",):
@@ -63,6 +67,27 @@ def site_of(plant: Plant, effect: Effect, output: str | None, at: str | None = N
         level_unit=state.unit if state is not None and effect.place == "flow" else "",
         balance=balance,
         lag=plant.balances[balance].state + 1 if plant.delay is not None and balance >= 0 else 0,
+    )
+
+
+def _lacking(plant: Plant, effect: Effect) -> str:
+    """Say what a plant has not that an effect needs; the balances of an `ode` are the project's to name."""
+    bodies = [b for b in plant.balances if b.kind in ("torque", "force") and b.state >= 0]
+    needs = f"needs {_article(effect.place)} of the plant, and {plant.kind}"
+    if plant.kind != "ode":
+        return f"{needs} has none; leave it out"
+    if bodies and scales_drive(effect):
+        state = plant.states[bodies[0].state].name
+        key = "effort" if plant.driven < 0 else "current"
+        return (
+            f'acts on what the drive gives, and no balance says what that is; add {key} = "...", an expression, to '
+            f"that of the body which is driven, such as [plant.balances.{state}], or leave the effect out"
+        )
+    if effect.place not in _EXAMPLES or (effect.place == "torque" and bodies):
+        return f"{needs} has none; leave it out"
+    return (
+        f"{needs} says of no state that its derivative is one; add it to [plant.balances], such as "
+        f"STATE = {{ {_EXAMPLES[effect.place]} }}, or leave the effect out"
     )
 
 
@@ -92,8 +117,9 @@ def _fitting(plant: Plant, effect: Effect) -> list[int]:
     wanted = {"torque": ("torque", "force"), "current": ("torque", "force"), "voltage": ("voltage", "winding")}
     kinds = wanted.get(effect.place, (effect.place,))
     fitting = [k for k, b in enumerate(plant.balances) if b.kind in kinds]
-    # What the drive gives is known of the first body alone.
-    return fitting[:1] if any("v->effort" in body or "v->i" in body for _, body in effect.codes) else fitting
+    if scales_drive(effect):
+        return [k for k in fitting if k == plant.driven]
+    return fitting[:1] if any("v->i" in body for _, body in effect.codes) else fitting
 
 
 def _balance(plant: Plant, effect: Effect, at: str | None) -> int:

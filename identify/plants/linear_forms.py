@@ -50,7 +50,7 @@ class FormWriter:
     balances: int
     linear_rate: bool
     linear_reading: bool
-    linear_effort: bool  # of the first torque or force balance
+    linear_effort: bool  # of the body that is driven
 
     def forms(self, constants: Array) -> Forms:
         """Return the matrices for `constants` (k,)."""
@@ -86,8 +86,8 @@ def form_writer(plant: Plant) -> FormWriter:
         written = (slopes[:, : x.shape[0]], slopes[:, x.shape[0] :], still)
         for name, part in zip(names, written, strict=True):
             parts[name] = ca.densify(part) if straight else ca.SX.zeros(part.shape)
-    efforts = [b.effort(x, u, p) for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None]
-    straight_effort = not efforts or not ca.depends_on(ca.jacobian(efforts[0], z), z)
+    drive = plant.balances[plant.driven].effort if plant.driven >= 0 else None
+    straight_effort = drive is None or not ca.depends_on(ca.jacobian(drive(x, u, p), z), z)
     for k, balance in enumerate(plant.balances):
         parts[f"per{k}"] = balance.per(p) if balance.state >= 0 else ca.SX(0.0)
         for name, function in (("effort", balance.effort), ("current", balance.current)):

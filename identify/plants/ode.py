@@ -58,6 +58,10 @@ def make_ode(table: Mapping[str, object]) -> Plant:
     if "balances" not in table:
         table = {**table, "balances": usual_balances(dict(zip(states, rates, strict=True)), known, list(given))}
     readings = [read_expression(text, known, f"plant.outputs.{name}") for name, text in outputs.items()]
+    pushing = {
+        state: [name for name in inputs if ca.depends_on(rate, known[name])]
+        for state, rate in zip(states, rates, strict=True)
+    }
     return Plant(
         kind="ode",
         states=tuple(_signal(name) for name in states),
@@ -67,14 +71,14 @@ def make_ode(table: Mapping[str, object]) -> Plant:
         rate=equations("rate", x, u, p, ca.vertcat(*rates)),
         reading=equations("reading", x, u, p, ca.vertcat(*readings)),
         delay=None,
-        balances=_balances(table, states, inputs, known, (x, u, p), _straight(rates, ca.vertcat(x, u))),
+        balances=_balances(table, states, pushing, known, (x, u, p), _straight(rates, ca.vertcat(x, u))),
     )
 
 
 def _balances(
     table: Mapping[str, object],
     states: Sequence[str],
-    inputs: Sequence[str],
+    pushing: Mapping[str, Sequence[str]],
     known: Mapping[str, ca.SX],
     symbols: tuple[ca.SX, ca.SX, ca.SX],
     straight: bool,
@@ -104,7 +108,7 @@ def _balances(
             raise IdentifyError(f"{where}.per is {entry['per']!r}; it may use parameters only, such as 1/m_kg")
         forms = {}
         for key in ("effort", "current"):
-            text = entry.get(key, _usual(key, str(kind), name, inputs))
+            text = entry.get(key, _usual(key, str(kind), name, pushing[name]))
             if text is not None:
                 form = read_expression(text, known, f"{where}.{key}")
                 if not _straight([form], ca.vertcat(x, u)) and (straight or key == "current"):
@@ -137,7 +141,10 @@ def _straight(forms: Sequence[ca.SX], by: ca.SX) -> bool:
 
 
 def _usual(key: str, kind: str, state: str, inputs: Sequence[str]) -> str | None:
-    """Return what a balance means where it does not say: a force is the input in N, a current the state itself."""
+    """Return what a balance means where it does not say: a force is the input in N, a current the state itself.
+
+    `inputs` are those that act on the state; what drives one body gives the next nothing.
+    """
     if key == "current":
         return state if kind == "voltage" else None
     unit = {"torque": "N*m", "force": "N"}.get(kind)

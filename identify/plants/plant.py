@@ -143,6 +143,12 @@ class Plant:
         return len(self.states) > len(self.varying)
 
     @property
+    def driven(self) -> int:
+        """The balance of the body that the drive pushes; -1 where none says what the drive gives it."""
+        bodies = (k for k, b in enumerate(self.balances) if b.kind in ("torque", "force") and b.effort is not None)
+        return next(bodies, -1)
+
+    @property
     def resting_input(self) -> float:
         """The first input with which the plant rests, as given; zero where none is given."""
         given = next((p.value for p in self.parameters if p.name == self.input_at_rest), 0.0)

@@ -206,7 +206,7 @@ def equations_of(plant: Plant, writer: FormWriter) -> Equations:
     x, u, p = (ca.SX.sym(name, plant.rate.numel_in(k)) for k, name in enumerate("xup"))
     rate, reading = ca.densify(plant.rate(x, u, p)), ca.densify(plant.reading(x, u, p))
     slope = ca.densify(ca.jacobian(rate, x)).T
-    effort = next((b.effort for b in plant.balances if b.kind in ("torque", "force")), None)
+    effort = plant.balances[plant.driven].effort if plant.driven >= 0 else None
     bent = ca.SX(0.0) if effort is None else ca.densify(effort(x, u, p))
     functions = {"rate": [rate], "reading": [reading], "bent": [bent], "slope": [rate, slope]}
     generator = ca.CodeGenerator("equations.c")

@@ -300,7 +300,8 @@ def efforts(
     """Return what the drive gives, (n,)."""
     if engine.writer.linear_effort:
         return np.asarray(states @ assembly.effort_x + drive @ assembly.effort_u)
-    bent = next(b.effort for b in plant.balances if b.kind in ("torque", "force") and b.effort is not None)
+    bent = plant.balances[plant.driven].effort
+    assert bent is not None
     return along(bent, states, drive, constants)
 
 

@@ -74,6 +74,8 @@ def applies(effect: Effect, plant: Plant) -> bool:
     waves = effect.rotary_only or effect.seen_by in _WAVES
     if waves and plant.delay is not None and plant.outputs[0].unit.split("/")[0] not in ("rad", "m"):
         return False  # a lag in volts may be a place, but not one that tells how far a turn goes
+    if scales_drive(effect) and plant.driven < 0:
+        return False
     if effect.fits is not None:
         return effect.fits(plant)
     if effect.place in ("sensor", "actuator", "timing"):
@@ -83,6 +85,11 @@ def applies(effect: Effect, plant: Plant) -> bool:
     if effect.place == "current":
         return any(b.current is not None and b.kind in _PROPORTIONAL for b in plant.balances if not b.inside)
     return effect.place in kinds
+
+
+def scales_drive(effect: Effect) -> bool:
+    """Tell whether an effect is a share of what the drive gives, so that it acts on the driven body alone."""
+    return any("v->effort" in body for _, body in effect.codes)
 
 
 def candidates(plant: Plant) -> tuple[Effect, ...]:

@@ -45,6 +45,7 @@ VALUES = {
     "flexible_coupling": {"stiffness_N_m_rad": 30.0, "load_inertia_kg_m2": 0.02, "damping_N_m_s_rad": 0.05},
     "backlash": {"gap_rad": 0.2, "load_inertia_kg_m2": 0.03},
 }
+
 SHARES = {"torque_ripple": {"ratio": 0.2, "periods_per_rev": 3.0}, "load_dependent_friction": {"ratio": 0.15}}
 
 
@@ -133,7 +134,8 @@ def test_a_superset_keeps_an_effect_of_another_body():
         ({"name": "dead_zone", "output": "speed_rad_s", "half_width_N_m": 0.1}, r"is not used: .*; remove the key"),
         ({"name": "coulomb_friction", "at": "w2", "torque_N_m": 0.2, "on": "w1"}, "other keys are name, output and at"),
         ({"name": "coulomb_friction", "at": 2, "torque_N_m": 0.2}, r"at is 2; it must be the state of a balance"),
-        ({"name": "brush_drop", "at": "w2", "voltage_V": 0.2}, r"brush_drop needs a voltage of the plant"),
+        ({"name": "brush_drop", "at": "w2", "voltage_V": 0.2}, "brush_drop needs a voltage .* kind = .voltage., per"),
+        ({"name": "torque_ripple", "at": "w2", **SHARES["torque_ripple"]}, r"at 'w2' is no state .* those are w1$"),
     ],
 )  # fmt: skip
 def test_a_place_that_is_not_used_or_not_said_is_refused(entry, says):
@@ -154,6 +156,14 @@ def test_one_body_needs_no_place_and_takes_its_name():
     assert with_effects(named, named.effects).effects == named.effects
 
 
+@pytest.mark.parametrize("name", SHARES)
+def test_a_share_of_the_drive_acts_on_the_driven_body_in_whatever_order_states_are_listed(name):
+    entry = {"name": name, **SHARES[name]}
+    first, last = run(STATES, entry), run(("th2", "w2", "th1", "w1"), {**entry, "at": "w1"})
+    assert last == pytest.approx(first, rel=1e-4, abs=1e-4 * np.max(np.abs(first)))
+    assert np.max(np.abs(first - run(STATES))) > 0.01 * np.max(np.abs(first))
+
+
 def test_equations_that_differ_in_what_drives_a_body_alone_are_two_plants():
     """One was simulated as the other where both were loaded into one process."""
     entry = {"name": "torque_ripple", **SHARES["torque_ripple"]}
@@ -162,3 +172,18 @@ def test_equations_that_differ_in_what_drives_a_body_alone_are_two_plants():
     less = {**entry, "ratio": 0.1}
     assert simulate(half, RUN, None) == pytest.approx(run(STATES, less), rel=1e-6, abs=1e-6)
     assert np.max(np.abs(simulate(whole, RUN, None) - simulate(half, RUN, None))) > 0.01
+
+
+def test_a_share_of_a_drive_that_no_balance_names_is_refused_with_the_key():
+    unnamed = {name: {k: v for k, v in made.items() if k != "effort"} for name, made in BALANCES.items()}
+    given = {**table(STATES, {"name": "torque_ripple", **SHARES["torque_ripple"]}), "balances": unnamed}
+    volts = {**given, "inputs": ["drive_V"], "derivatives": {**EQUATIONS, "w1": "(0.2*drive_V - 8*(th1 - th2)) / 0.05"}}
+    with pytest.raises(IdentifyError, match=r"what the drive gives.* add effort = .*\[plant\.balances\.w1\]"):
+        plant_from_table(volts)
+    assert plant_from_table(given).driven == 0  # the input in N m pushes w1 alone
+
+
+def test_an_effect_on_an_ode_without_balances_says_what_to_add():
+    bare = {**table(STATES, {"name": "coulomb_friction", "torque_N_m": 0.2}), "balances": {}}
+    with pytest.raises(IdentifyError, match=r'\[plant\.balances\], such as STATE = { kind = "torque", per ='):
+        plant_from_table(bare)
