@@ -8,7 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from firmloop.identify.error import IdentifyError
-from firmloop.identify.plants.attach import chosen_place, label_of, parameters_of, places_of, with_effects
+from firmloop.identify.plants.attach import chosen_place, label_of, parameters_of, places_of, site_of, with_effects
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.kinds import deviation_of, make_plant
 from firmloop.identify.plants.ode import make_ode
@@ -36,6 +36,7 @@ def plant_from_table(table: Mapping[str, object]) -> Plant:
     for entry in entries:
         use, found = _use(entry)
         _check_place(plant, use)
+        use = _with_reading(plant, use)
         uses.append(use)
         label = label_of(plant, use)
         deviations.update({f"{label}.{name}": deviation for name, deviation in found.items()})
@@ -50,8 +51,8 @@ def effects_table(plant: Plant) -> list[dict[str, object]]:
     entries = []
     for use in plant.effects:
         entry: dict[str, object] = {"name": use.name}
-        if use.output is not None:
-            entry["output"] = use.output
+        if use.output is not None or (find_effect(use.name).place == "sensor" and len(plant.outputs) > 1):
+            entry["output"] = use.output or site_of(plant, find_effect(use.name), None).output_name
         places = places_of(plant, find_effect(use.name))
         if use.at is not None or chosen_place(plant, use) is not None:
             entry["at"] = use.at if use.at is not None else places[0]
@@ -87,6 +88,25 @@ def _check_place(plant: Plant, use: EffectUse) -> None:
         raise IdentifyError(
             f'{where}.at is missing: it can act at {", ".join(places)}; write at = "{places[0]}", for instance'
         )
+
+
+def _with_reading(plant: Plant, use: EffectUse) -> EffectUse:
+    """Return the use with the one reading that it can be of; refuse one that does not say which of several."""
+    effect = find_effect(use.name)
+    if use.output is not None or use.at is not None or effect.place != "sensor" or len(plant.outputs) == 1:
+        return use
+    names = [
+        output.name
+        for output in plant.outputs
+        if not effect.units or output.unit in effect.units
+        if use.values.keys() <= {known.name for known in parameters_of(plant, use.name, output.name)}
+    ]
+    if len(names) > 1:
+        raise IdentifyError(
+            f"plant.effects: {use.name}.output is missing: it can act on {', '.join(names)}; write "
+            f'output = "{names[0]}", for instance'
+        )
+    return replace(use, output=names[0]) if names else use
 
 
 def _use(entry: object) -> tuple[EffectUse, Mapping[str, float | None]]:

@@ -135,6 +135,7 @@ def test_a_superset_keeps_an_effect_of_another_body():
         ({"name": "coulomb_friction", "at": "w2", "torque_N_m": 0.2, "on": "w1"}, "other keys are name, output and at"),
         ({"name": "coulomb_friction", "at": 2, "torque_N_m": 0.2}, r"at is 2; it must be the state of a balance"),
         ({"name": "brush_drop", "at": "w2", "voltage_V": 0.2}, "brush_drop needs a voltage .* kind = .voltage., per"),
+        ({"name": "sensor_gain", "gain": 1.1}, r"output is missing: it can act on speed_rad_s, motor_speed_rad_s"),
         ({"name": "torque_ripple", "at": "w2", **SHARES["torque_ripple"]}, r"at 'w2' is no state .* those are w1$"),
     ],
 )  # fmt: skip
@@ -187,3 +188,12 @@ def test_an_effect_on_an_ode_without_balances_says_what_to_add():
     bare = {**table(STATES, {"name": "coulomb_friction", "torque_N_m": 0.2}), "balances": {}}
     with pytest.raises(IdentifyError, match=r'\[plant\.balances\], such as STATE = { kind = "torque", per ='):
         plant_from_table(bare)
+
+
+def test_a_reading_is_found_by_the_unit_of_the_key_whatever_the_order_of_outputs():
+    readings = {"speed_rad_s": "w2", "current_A": "torque_N_m/0.05"}
+    entry = {"name": "sensor_offset", "offset_A": 0.3}
+    for order in (readings, dict(reversed(readings.items()))):
+        plant = plant_from_table({**table(STATES, entry), "outputs": order})
+        assert [use.output for use in plant.effects] == ["current_A"]
+        assert effects_table(plant)[0]["output"] == "current_A"
