@@ -106,7 +106,7 @@ SENTENCES: Mapping[str, Mapping[str, str]] = {
         "effort": "expression of the torque or force of the drive",
         "current": "expression of the current behind it",
         "resistance": "expression of the resistance that heat may change",
-        "to": "flow: the state that receives what flows over",
+        "to": "flow: the state that receives what flows over; left out: the one that the state itself runs into",
     },
     "[plant.parameters] NAME = { ... }": ENTRY,
     "[[plant.effects]] PARAMETER = { ... }": {key: says for key, says in ENTRY.items() if key not in ("low", "high")},

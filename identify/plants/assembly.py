@@ -178,9 +178,11 @@ class Assembly:
         self._term(LEVEL, code, known.index(row), constants, 1.0, rate)
 
     def add_limit(self, balance: int, limit: float, share: float) -> None:
-        """Keep a state at or below `limit`; `share` of its blocked rate goes to the balance's `to`."""
+        """Keep a state at or below `limit`; `share` of the flow that is blocked goes to the balance's `to`."""
         to = self.plant.balances[balance].to
-        self.coordinates.append(StickingState(LIMIT, self.row[balance], 1.0, limit, to, share))
+        further = next((k for k, b in enumerate(self.plant.balances) if b.state == to), balance)
+        passed = share * self.per[further] / self.per[balance]
+        self.coordinates.append(StickingState(LIMIT, self.row[balance], 1.0, limit, to, passed))
 
     def add_limits(self, balance: int, size: float) -> None:
         """Keep a state within -`size` and `size`."""

@@ -58,10 +58,13 @@ def make_ode(table: Mapping[str, object]) -> Plant:
     if "balances" not in table:
         table = {**table, "balances": usual_balances(dict(zip(states, rates, strict=True)), known, list(given))}
     readings = [read_expression(text, known, f"plant.outputs.{name}") for name, text in outputs.items()]
-    pushing = {
-        state: [name for name in inputs if ca.depends_on(rate, known[name])]
-        for state, rate in zip(states, rates, strict=True)
-    }
+    pushing, feeding = (
+        {
+            state: [name for name in names if ca.depends_on(rate, known[name])]
+            for state, rate in zip(states, rates, strict=True)
+        }
+        for names in (inputs, states)
+    )
     return Plant(
         kind="ode",
         states=tuple(_signal(name) for name in states),
@@ -71,19 +74,19 @@ def make_ode(table: Mapping[str, object]) -> Plant:
         rate=equations("rate", x, u, p, ca.vertcat(*rates)),
         reading=equations("reading", x, u, p, ca.vertcat(*readings)),
         delay=None,
-        balances=_balances(table, states, pushing, known, (x, u, p), _straight(rates, ca.vertcat(x, u))),
+        balances=_balances(table, states, (pushing, feeding), known, (x, u, p), _straight(rates, ca.vertcat(x, u))),
     )
 
 
 def _balances(
     table: Mapping[str, object],
     states: Sequence[str],
-    pushing: Mapping[str, Sequence[str]],
+    acting: tuple[Mapping[str, Sequence[str]], Mapping[str, Sequence[str]]],
     known: Mapping[str, ca.SX],
     symbols: tuple[ca.SX, ca.SX, ca.SX],
     straight: bool,
 ) -> tuple[Balance, ...]:
-    x, u, p = symbols
+    (pushing, feeding), (x, u, p) = acting, symbols  # inputs and states on which each derivative depends
     made = []
     tables = _table(table, "balances")
     order = {name: place for place, name in enumerate(states)}
@@ -124,7 +127,7 @@ def _balances(
                 state=states.index(name),
                 per=ca.Function("per", [p], [per]),
                 position=_state(entry, "position", states, where),
-                to=_next(entry, name, flows, states, where),
+                to=_next(entry, name, flows, states, feeding, where),
                 effort=forms.get("effort"),
                 current=forms.get("current"),
                 resistance=None
@@ -160,12 +163,25 @@ def _state(entry: Mapping[str, object], key: str, states: Sequence[str], where: 
     return list(states).index(str(name))
 
 
-def _next(entry: Mapping[str, object], name: str, flows: Sequence[str], states: Sequence[str], where: str) -> int:
-    """Return where an overflow runs: as said, else into the next flow balance, else nowhere."""
+def _next(
+    entry: Mapping[str, object],
+    name: str,
+    flows: Sequence[str],
+    states: Sequence[str],
+    feeding: Mapping[str, Sequence[str]],
+    where: str,
+) -> int:
+    """Return where an overflow runs: as said, else where the state itself runs, nowhere from the last of a row.
+
+    Of flows that feed each other, or none the other, it is the next one that is listed.
+    """
     if "to" in entry:
         return _state(entry, "to", states, where)
-    behind = flows[flows.index(name) + 1 :] if name in flows else []
-    return list(states).index(behind[0]) if behind else -1
+    others = [other for other in flows if other != name]
+    downhill = [other for other in others if name in feeding[other] and other not in feeding[name]]
+    uphill = [other for other in others if other in feeding[name] and name not in feeding[other]]
+    behind = [other for other in flows[flows.index(name) + 1 :] if other not in uphill] if name in flows else []
+    return next((list(states).index(other) for other in (*downhill, *behind)), -1)
 
 
 def _signal(name: str) -> Signal:

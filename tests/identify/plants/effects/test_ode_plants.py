@@ -73,8 +73,13 @@ def test_tanks_flow_as_scipy_says() -> None:
     assert np.allclose(superset(plant).simulate(recording, {}, start)[:, 0], truth[:, 1], rtol=1e-6)
 
 
-def test_an_upper_tank_runs_over_into_the_lower() -> None:
-    """Against explicit steps of a thousandth of a row: the level stays, two fifths of the excess run on."""
+@pytest.mark.parametrize("wider", [1.0, 2.5])
+@pytest.mark.parametrize("states", [["upper_m", "lower_m"], ["lower_m", "upper_m"]])
+def test_an_upper_tank_runs_over_into_the_lower(states: list[str], wider: float) -> None:
+    """Against explicit steps of a thousandth of a row: the level stays, two fifths of the excess run on.
+
+    They are two fifths of a volume, which lift a wider tank less, and they run down whatever is listed first.
+    """
     time = np.arange(60) * 4.0
     drive = np.repeat([3.0, 0.5, 3.0], 20)
     x, shown, h = np.array([1.0, 1.0]), [], 4e-3
@@ -84,8 +89,12 @@ def test_an_upper_tank_runs_over_into_the_lower() -> None:
             flow = 0.15 * np.sqrt(x[0])
             rise = 0.1 * drive[k] - flow
             over = max(rise, 0.0) if x[0] >= 2.5 else 0.0
-            x = np.minimum(x + h * np.array([rise - over, flow - 0.12 * np.sqrt(x[1]) + 0.4 * over]), [2.5, np.inf])
-    whole = superset(plant_from_table(TANKS))
+            x = np.minimum(
+                x + h * np.array([rise - over, (flow - 0.12 * np.sqrt(x[1]) + 0.4 * over) / wider]), [2.5, np.inf]
+            )
+    rates = {**TANKS["derivatives"], "lower_m": f"(k_upper*sqrt(upper_m) - k_lower*sqrt(lower_m))/{wider}"}
+    balances = {"upper_m": {"kind": "flow"}, "lower_m": {"kind": "flow", "per": f"1/{wider}"}}
+    whole = superset(plant_from_table({**TANKS, "states": states, "derivatives": rates, "balances": balances}))
     recording = recorded(time, "pump_V", drive, "level_m")
     parameters = {"overflow.upper_m.level": 2.5, "overflow.upper_m.fraction": 0.4}
     found = whole.simulate(recording, parameters, np.array([1.0, 1.0]))[:, 0]
