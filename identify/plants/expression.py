@@ -76,6 +76,8 @@ def _value(node: ast.expr, known: Mapping[str, ca.SX], where: str, text: str) ->
         return _BINARY[type(node.op)](left, right)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         return _call(node, node.func.id, known, where, text)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
+        raise IdentifyError(f"{where}: ^ in {_shown(text)} is no power here; write x**2 for the square of x")
     raise IdentifyError(
         f"{where}: {_part(node, text)} is not allowed in {_shown(text)}; "
         f"use numbers, names, + - * / ** and {', '.join((*_ONE, *_MANY))}"

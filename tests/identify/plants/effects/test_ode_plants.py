@@ -159,6 +159,7 @@ def test_what_is_no_expression_is_shown(text: object) -> None:
         ("balances", {"v_m_s": {"kind": "force", "per": "x_m"}}, "parameters only"),
         ("balances", {"v_m_s": {"kind": "force", "position": "y"}}, "must be one of the states"),
         ("balances", {"v_m_s": {"kind": "force", "effort": "force_N**2"}}, "linear"),
+        ("outputs", {"position_m": "x_m^2"}, "no power here; write x..2"),
         ("parameters", {"m-kg": 1.0}, "letters, digits"),
         ("parameters", {**SPRING["parameters"], "spare": 1.0}, "spare stands in no expression"),
     ],
