@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,8 +39,7 @@ from firmloop.verify.verdict import NO_COST, ClosedLoop, Cost, Difference, Searc
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-# Of one step; beyond them, a board's counter ran backwards, or it makes its figures up: that is no measurement.
-MOST_TICKS, MOST_STACK = 1 << 31, 1 << 24
+FASTER = 2.0  # times its rated clock, that no board runs
 TRIAL_SHARE = 0.5  # of the time, roughly: the rest is the target's
 
 
@@ -176,8 +176,10 @@ class _Proof:
 
     def on_port(self, port: str) -> _Ran:
         with open_port(self.target, port, self.program.id) as link:
+            begin = time.monotonic()
             comparison = compare(self.program, link, self.blocks, self.traces, self.progress)
-            cost = self._cycles(comparison, link) if self.target.counts_cycles else NO_COST
+            taken = time.monotonic() - begin
+            cost = self._cycles(comparison, link, taken) if self.target.counts_cycles else NO_COST
             looped = self._close_loop(link)
         return _Ran(comparison, port, "unknown: the image ran already", (), cost, looped)
 
@@ -196,11 +198,15 @@ class _Proof:
             functions=image.functions,
         )
 
-    def _cycles(self, comparison: Comparison, link: FramedLink) -> Cost:
+    def _cycles(self, comparison: Comparison, link: FramedLink, taken: float) -> Cost:
+        """Return what a step costs; nothing where one has more cycles than there were in the `taken` s of all.
+
+        Such a board's counter ran backwards, or it makes its figures up: that is no measurement.
+        """
         counts = comparison.ticks.astype(np.int64) - link.hello().overhead_ticks
         painted = self._painted(link)
         cost = replace(NO_COST, stack_bytes=painted, stack_painted_bytes=painted)
-        if counts.min() < 0 or counts.max() >= MOST_TICKS:
+        if counts.min() < 0 or counts.max() > FASTER * taken * (self.target.clock_hz or 0):
             return cost
         return replace(
             cost,
@@ -216,11 +222,11 @@ class _Proof:
         return check_loop(self.program, self.loop, host, link)
 
     def _painted(self, link: FramedLink) -> int | None:
-        """Return the deepest stack that was seen, None where it is more than any part has."""
+        """Return the deepest stack that was seen, None where it is more than the image has."""
         block = self.blocks[0]
         asked = None if block.settings is None else block.settings[0]
         depth = link.stack(records(self.program, block.inputs[0], asked))
-        return depth if depth <= MOST_STACK else None
+        return depth if depth <= (self.target.stack_bytes or 0) else None
 
     def _worst(self, step: int) -> Worst:
         """Return what the step read; `step` counts through all lanes of all blocks."""

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import socket
 import struct
+import threading
 import time
 
 import numpy as np
 import pytest
 
 from bench.links.live import stream
+from firmloop.codegen.bundle import Bundle
+from firmloop.codegen.emit import emit
+from firmloop.codegen.target import load_target
 from firmloop.quantize.lower.lower import lower
 from firmloop.stages.board import watching
 from firmloop.stages.board.tape import Seen
 from firmloop.stages.board.watching import Watching
+from firmloop.verify.build.host import build_host
+from firmloop.verify.compare import record_type
 from firmloop.verify.link import LinkError
-from firmloop.verify.links.frame import HELLO, PROTOCOL_VERSION, STACK, binding, seal, unseal
+from firmloop.verify.links.frame import HELLO, PROTOCOL_VERSION, STACK, STEP, binding, seal, unseal
 from firmloop.verify.links.framed import FramedLink
+from firmloop.verify.links.library import LibraryLink
 from firmloop.verify.links.live import DATA, LiveLink
+from firmloop.verify.run import verify
 from tests.laws import FULL, pid
 from tests.verify.links.test_live import Echo
 
@@ -128,3 +137,59 @@ def test_a_silent_or_slow_one_ends_by_the_clock(monkeypatch: pytest.MonkeyPatch)
     slow = Watching(0.001, 1, 0.0).after(np.array([5], np.uint32), 0.0).after(np.array([6], np.uint32), 61.9)
     with pytest.raises(LinkError, match="1 of 100 steps in 62 s"):
         slow.check(100, 62.01)
+
+
+class Board:
+    """A board that computes what it should, behind a socket, and makes up what each step cost it."""
+
+    def __init__(self, bundle: Bundle, ticks: int, stack: int) -> None:
+        self._link = LibraryLink(build_host(bundle, load_target("host")), PROGRAM)
+        self._ticks, self._stack, self._session, self._steps = ticks, stack, 0, 0
+
+    def answer(self, block: bytes) -> bytes:
+        bound = binding(self._session, 0)
+        kind, sequence, payload = unseal(block, bound)
+        if kind == HELLO:
+            self._session = int.from_bytes(payload, "little")
+            said = struct.pack("<IHHHHI16s", self._session, PROTOCOL_VERSION, IN, OUT, 100, 10, PROGRAM.id.encode())
+        elif kind == STEP:
+            rows = np.frombuffer(self._link.step(payload, len(payload) // IN), record_type(PROGRAM)).copy()
+            rows["ticks"] = 40
+            if not self._steps:
+                rows["ticks"][:1] = self._ticks
+            self._steps += len(rows)
+            said = rows.tobytes()
+        else:
+            self._link.reset()
+            said = struct.pack("<I", self._stack) if kind == STACK else b""
+        return seal(kind | 0x80, sequence, said, bound)
+
+    def serve(self, listener: socket.socket) -> None:
+        line, _ = listener.accept()
+        pending = b""
+        with line:
+            while data := line.recv(1 << 13):
+                *blocks, pending = (pending + data).split(b"\0")
+                for block in filter(None, blocks):
+                    line.sendall(self.answer(block))
+
+
+@pytest.mark.parametrize(
+    ("ticks", "stack", "cycles", "depth"),
+    [(52, 64, 42, 64), (2**30, 64, None, 64), (0, 64, None, 64), (52, 50_000, 42, None)],
+)
+def test_costs_that_no_board_can_have_are_no_measurement(
+    ticks: int, stack: int, cycles: int | None, depth: int | None
+) -> None:
+    """A step of a minute in a run of a second; a stack deeper than the image has."""
+    law = pid(FULL)
+    bundle = emit(PROGRAM, "test")
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        device = threading.Thread(target=Board(bundle, ticks, stack).serve, args=(listener,), daemon=True)
+        device.start()
+        url = f"socket://127.0.0.1:{listener.getsockname()[1]}"
+        board = load_target("nucleo_f401re")
+        verdict = verify(law, PROGRAM, bundle, board, (), 200, 1, url, lambda share, doing: None)
+        device.join()
+    assert verdict.agrees
+    assert (verdict.cost.cycles_max, verdict.cost.stack_painted_bytes) == (cycles, depth)
