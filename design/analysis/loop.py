@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -17,6 +17,7 @@ import numpy.typing as npt
 import scipy
 
 from firmloop.design.analysis.small_signal import LinearLaw, linearize_law
+from firmloop.design.analysis.stabilizing import leaving, stabilizing
 from firmloop.design.discretize import unit_circle
 from firmloop.design.discretize.zero_order_hold import Sampled, state_space, zero_order_hold
 from firmloop.design.law import Law
@@ -43,9 +44,9 @@ STAYS = 0.05  # of a step: the wider of the two bands that it settles in
 class Margins:
     """How far the loop is from instability; infinite where no change of that sort reaches it.
 
-    Of an unstable loop the gain and phase margins are the signed distances to -1 at the nearest crossing (negative dB:
-    the gain must fall), the delay margin is 0 and the sensitivity peak infinite. `crossover_rad_s` is NaN where |L|
-    never passes 1.
+    Of an unstable loop the gain margin is the least change that makes it stable (negative dB: the gain must fall), NaN
+    where none does; the phase margin is what is missing at the nearest crossing, NaN where nothing is; the delay margin
+    is 0 and the sensitivity peak infinite. `crossover_rad_s` is NaN where |L| never passes 1.
     """
 
     stable: bool
@@ -55,6 +56,7 @@ class Margins:
     delay_margin_s: float
     sensitivity_peak: float  # Ms = max |1/(1 + L)|
     crossover_rad_s: float  # where the phase margin is taken
+    stable_turned: bool = False  # an unstable loop that is stable with the sign of its gain turned
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,10 +106,10 @@ def margins(law: Law, linear: Linear) -> Margins:
     grid = _grid(np.concatenate([poles, opened]), law.period, sampled.whole)
     loop = response(grid)
 
-    gains = [1 / abs(response(np.array([w]))[0]) for w in _phase_crossings(response, grid, loop)]
-    if np.all(np.abs(opened - 1) > AT_REST):
-        at_rest = response(np.zeros(1))[0].real
-        gains += [-1 / at_rest] if at_rest < 0 else []
+    turns = _phase_crossings(response, grid, loop)
+    if np.all(np.abs(opened - 1) > AT_REST) and response(np.zeros(1))[0].real < 0:
+        turns.append(0.0)
+    gains = [1 / abs(response(np.array([w]))[0]) for w in turns]
     crossovers = _roots(lambda w: abs(response(np.array([w]))[0]) - 1, grid, np.abs(loop) - 1)
     phases = [
         math.degrees(np.angle(-response(np.array([w]))[0])) for w in crossovers
@@ -115,8 +117,10 @@ def margins(law: Law, linear: Linear) -> Margins:
     nearest = min(range(len(phases)), key=lambda k: abs(phases[k]), default=None)
     phase = math.inf if nearest is None else phases[nearest]
     if not stable:
-        gain = min(gains, key=lambda factor: abs(math.log(factor)), default=math.inf)
-        rise, fall = _decibel(gain), math.inf if gain >= 1 else -_decibel(gain)
+        left = [leaving(response, w, math.pi / law.period) for w in turns]
+        rise = _decibel(stabilizing(gains, left, lambda factor: _holds(law, linearized, sampled, factor)))
+        fall = -rise if rise < 0 else math.inf
+        phase = phase if phase < 0 else math.nan
     else:
         rise = _decibel(min((factor for factor in gains if factor > 1), default=math.inf))
         fall = -_decibel(max((factor for factor in gains if factor < 1), default=0.0))
@@ -132,7 +136,14 @@ def margins(law: Law, linear: Linear) -> Margins:
         else 0.0,
         sensitivity_peak=_sensitivity_peak(response, grid, loop) if stable else math.inf,
         crossover_rad_s=math.nan if nearest is None else crossovers[nearest],
+        stable_turned=not stable and _holds(law, linearized, sampled, -1.0),
     )
+
+
+def _holds(law: Law, linearized: LinearLaw, sampled: Sampled, factor: float) -> bool:
+    """Tell whether the loop is stable with `factor` times its gain."""
+    scaled = replace(linearized, c=factor * linearized.c, d=factor * linearized.d)
+    return unit_circle.within(_ring(law, scaled, sampled), 1 - ON_CIRCLE)
 
 
 def step_profile(law: Law, linear: Linear) -> Array:
@@ -352,4 +363,4 @@ def _sensitivity_peak(response: Callable[[Array], Response], grid: Array, loop: 
 
 def _decibel(factor: float) -> float:
     """20 log10, with both ends of the scale."""
-    return -math.inf if factor == 0 else 20 * math.log10(factor) if math.isfinite(factor) else math.inf
+    return -math.inf if factor == 0 else 20 * math.log10(factor) if math.isfinite(factor) else factor

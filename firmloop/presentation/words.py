@@ -128,7 +128,32 @@ def about_loop(loop: Loop) -> list[str]:
     note = ["  note: ± from the plant's 95 % intervals, each parameter for itself"] if loop.halves else []
     rows = [(name, value) for name, value in (*margin_rows(loop), *step_rows(loop))]
     note += [f"  note: {loop.near_rest}"] if loop.near_rest else []
-    return table(rows) + note + _about_the_rate(loop) + about_reach(loop.beyond) + _about_points(loop)
+    return (
+        table(rows)
+        + _about_unstable(loop.margins)
+        + note
+        + _about_the_rate(loop)
+        + about_reach(loop.beyond)
+        + _about_points(loop)
+    )
+
+
+def _about_unstable(found: Margins) -> list[str]:
+    """Say what makes an unstable loop stable: a smaller or a greater gain, or its other sign."""
+    if found.stable:
+        return []
+    factor = 10.0 ** (found.gain_margin_db / 20.0)
+    if math.isfinite(factor) and factor > 0.0:
+        side = "below" if factor < 1.0 else "above"
+        return [
+            f"  note: the loop is stable with its gain {side} {factor:.3g} times what it is: scale kp, ki and kd alike"
+        ]
+    if found.stable_turned:
+        return [
+            "  note: no smaller or greater gain makes it stable, the other sign does: turn the sign of the gains, or "
+            "check that of the plant's gain"
+        ]
+    return ["  note: no smaller or greater gain makes it stable: change the ratio of its terms, or the plant"]
 
 
 def about_reach(found: Beyond | None) -> list[str]:
