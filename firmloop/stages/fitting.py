@@ -91,10 +91,15 @@ def _fitted(project: Project, data: Data, report: Report) -> tuple[Fit, Evidence
 
 
 def _best(plant: Plant, data: Data, conditioning: Conditioning, report: Report) -> Fit:
-    """Fit from the values as given; where that fails, and values from the recordings do better, from those."""
+    """Fit from the values as given; where that fails, and values from the recordings do better, from those.
+
+    It has failed, too, where the recordings told it nothing of a value that it may change: it stands where it began.
+    """
     fitted = estimate(plant, data.train, data.test, conditioning, report)
     bare = unguided(plant)
-    if bare is None or bare == plant or (_stands(fitted, data, conditioning) and fitted.explained >= POOR):
+    blind = any(each.free and each.deviation is None for each in fitted.plant.parameters)
+    stands = fitted.explained >= POOR and not blind and _stands(fitted, data, conditioning)
+    if bare is None or bare == plant or stands:
         return fitted
     try:
         again = estimate(bare, data.train, data.test, conditioning, report)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 
 import numpy as np
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, unexplained
-from firmloop.identify.plants.plant import Plant
+from firmloop.identify.plants.plant import Parameter, Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.linearize import linearize
 
@@ -16,6 +18,7 @@ _UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "minutes": 60.0, "thousand
 _ALIKE = 0.9  # correlation of every output with the plant as given, on the right clock
 _OVER = 3.0  # time constants, after which 5 % of a decay is left
 _STILL = 1e-9  # of the quickest mode: what only sums up
+_SHARE = 0.4  # of the clock's factor, in logarithms, that a value has to have moved to make up for it
 _BETTER = 0.4  # of what is not explained on the clock as it is
 
 
@@ -38,11 +41,41 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     shares = known[unit]
     if max(shares) > 1.0 - _ALIKE**2 or float(np.sum(shares)) > _BETTER * float(np.sum(plain)):
         return ()
-    return (
-        f"time_s of {recording.source} looks like {unit}: the plant as given then explains "
-        f"{100.0 * (1.0 - max(shares)):.0f} % of every output, and {100.0 * (1.0 - max(plain)):.0f} % on the clock as "
-        f"it is; give the column its unit in [recordings.rename], or convert it",
+    guess = _guess(evidence, recording, _UNITS[unit], shares)
+    explains = (
+        f"the plant as given then explains {100.0 * (1.0 - max(shares)):.0f} % of every output, and "
+        f"{100.0 * (1.0 - max(plain)):.0f} % on the clock as it is"
     )
+    cure = "give the column its unit in [recordings.rename], or convert it"
+    if guess is None:
+        return (f"time_s of {recording.source} looks like {unit}: {explains}; {cure}",)
+    given, found = guess
+    return (
+        f"time_s of {recording.source} looks like {unit}, or {given.name} = {given.value:.4g} {given.unit} was a guess "
+        f"far off: {explains}, on which the fit finds {found.value:.4g} {given.unit}; if that may be, leave the clock "
+        f"as it is; if not, {cure}",
+    )
+
+
+def _guess(
+    evidence: Evidence, recording: Recording, factor: float, shares: list[float]
+) -> tuple[Parameter, Parameter] | None:
+    """Return the one parameter of time, as given and as found, that makes up for the clock: a guess is as likely then.
+
+    Several that all go the same way speak for the clock.
+    """
+    if evidence.fit is None:
+        return None
+    found = {each.name: each for each in evidence.fit.plant.parameters}
+    moved = [
+        (each, found[each.name])
+        for each in evidence.given.parameters
+        if each.free and each.name in found and each.value * found[each.name].value > 0.0
+        if re.search(r"(?<![A-Za-z])s(?![A-Za-z])", each.unit)
+        if abs(math.log(found[each.name].value / each.value)) > _SHARE * abs(math.log(factor))
+    ]
+    left = unexplained(replace(evidence, given=evidence.fit.plant), recording)
+    return moved[0] if len(moved) == 1 and left is not None and sum(left) < sum(shares) else None
 
 
 def _rates(plant: Plant) -> tuple[float, float]:

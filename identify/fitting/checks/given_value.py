@@ -50,7 +50,11 @@ def _freed(evidence: Evidence, value: Parameter) -> Fit | None:
     shares = [found.noise[output] / _left(evidence, output) for output in found.noise]
     if min(shares) > _SMALLER or max(shares) > _NO_LARGER or structure.look(replace(evidence, fit=found)):
         return None
-    return found
+    # Where the value as given does as well once the others begin anew, the fit went astray for another reason.
+    bare = unguided(evidence.given)
+    held = None if bare is None else tried(bare, evidence.recordings, evidence.conditioning)
+    as_well = held is not None and all(held.noise[each] <= _ALIKE * found.noise[each] for each in found.noise)
+    return None if as_well else found
 
 
 def _told(evidence: Evidence, values: Sequence[Parameter], found: Mapping[str, Fit]) -> str:
