@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, alike, compared, runs_as_given
 from firmloop.identify.plants.kinds import free_scale
+from firmloop.identify.plants.kinds.dc_motor import GEAR
 from firmloop.identify.recordings.columns import rename_line
 from firmloop.identify.units import unit_of
 
@@ -131,9 +133,11 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             correlation, factor = alike(*pair)
             if factor > 0.0 and correlation > (_ALIKE if abs(math.log(factor)) < _HUGE else _ALIKE / 2.0):
                 factors.setdefault(signal.name, []).append(factor)
+    medians = {name: float(np.median(seen)) for name, seen in factors.items()}
+    if said := _of_the_drive(evidence, medians):
+        return (said,)
     found = []
-    for name, seen in factors.items():
-        factor = float(np.median(seen))
+    for name, factor in medians.items():
         unit = unit_of_factor(factor, _NEAR if abs(math.log(factor)) < _HUGE else _NEAR_HUGE, name)
         if abs(math.log(factor)) < _FAR and (unit is None or abs(math.log(factor)) < 1.5):
             continue
@@ -147,6 +151,30 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             )
         )
     return tuple(found)
+
+
+def _of_the_drive(evidence: Evidence, factors: Mapping[str, float]) -> str:
+    """Say that the input is in another unit, where all readings of a plant are off by about the same factor.
+
+    Empty where they are not, and where no unit of the input explains it.
+    """
+    plant, logs = evidence.given, [math.log(factor) for factor in factors.values()]
+    if len(plant.inputs) > 1 or len(logs) < max(2, len(plant.outputs)) or max(logs) - min(logs) > 2.0 * _NEAR:
+        return ""
+    factor, drive = math.exp(float(np.mean(logs))), plant.inputs[0].name
+    most = max(float(np.max(np.abs(each.columns[drive]))) for each in evidence.recordings)
+    pushed = unit_of_factor(1.0 / factor, _SHAFT, drive)
+    if pushed:
+        cure = f"{drive} looks {pushed}: {in_unit(drive, pushed)}"
+    elif unit_of(drive) == "V" and abs(math.log(factor)) > _FAR and (most <= 1.0 or factor < 1.0):
+        says, line = share_of_supply(drive, most, factor)
+        cure = f"is {drive}, which never goes beyond {most:.3g}, {says}? then {line}"
+    else:
+        return ""
+    return (
+        f"{' and '.join(factors)} are all about {factor:.3g} times what the plant as given does, which speaks for the "
+        f"input: {cure}; or correct [plant.parameters] if the column is right"
+    )
 
 
 def _of_a_start(evidence: Evidence, name: str, factor: float) -> str:
@@ -198,7 +226,11 @@ def _looks(evidence: Evidence, name: str, factor: float, unit: str | None) -> st
     pushed = unit_of_factor(1.0 / factor, _SHAFT, drive) if factor < 1.0 and len(evidence.given.inputs) == 1 else None
     if pushed:
         return f"{drive} looks {pushed}: {in_unit(drive, pushed)}; else give the column its unit there"
-    return "a unit or a nominal value is wrong; give the column its unit in [recordings.rename]"
+    geared = ""
+    if turning(name) and factor < 1.0 and "ke_V_s_rad" in {each.name for each in evidence.given.parameters}:
+        ratio = f"{GEAR} = {{ value = {1.0 / factor:.3g}, free = false }}"
+        geared = f"is it read behind a gear? then write {ratio}, with its exact ratio, in [plant.parameters]; else "
+    return f"a unit or a nominal value is wrong; {geared}give the column its unit in [recordings.rename]"
 
 
 CHECK = Check("scale", look, ("rest", "drift", "structure", "excitation"), False)

@@ -141,3 +141,27 @@ def test_an_angle_that_is_not_in_whole_numbers_is_in_no_counts(whole, tmp_path, 
     said, _ = identified(written(tmp_path / "log", (table, time, columns)), capsys)
     assert any("times what the plant as given does" in one for one in said), said
     assert any("in counts of an encoder" in one for one in said) == whole, said
+
+
+DRIVES = {  # what the column of the voltage holds, and what is asked for it
+    "millivolts": (1e3, 'voltage_V = { name = "voltage_V", scale = 0.001 }'),
+    "duty in percent of 12 V": (100.0 / 12.0, "a share of the supply in percent"),
+    "counts of 255 at 12 V": (255.0 / 12.0, "the count of a full duty"),
+}
+
+
+@pytest.mark.parametrize("held", DRIVES)
+def test_readings_that_are_all_off_by_one_factor_speak_for_the_input(held, tmp_path, capsys):
+    """Two notes had each mended the factor of its own: the voltage, and the current by the same thousand again."""
+    factor, cure = DRIVES[held]
+    random = seeded(6)
+    table, time, columns = changed(motor(random), voltage_V=lambda v: factor * v)
+    made = {**table, "outputs": BOTH, "parameters": off(random, MOTOR)}
+    said, _ = identified(written(tmp_path / "log", (made, time, columns)), capsys)
+    told = [one for one in said if "times what the plant as given does" in one]
+    assert len(told) == 1 and "which speaks for the input" in told[0] and cure in told[0], said
+
+
+def test_a_speed_that_no_unit_makes_so_small_may_be_read_behind_a_gear(tmp_path, capsys):
+    said, _ = identified(bench(tmp_path / "log", 1.0 / 25.0, ("kt_N_m_A",), SPEED), capsys)
+    assert any(re.search(r"behind a gear\? then write gear_ratio = \{ value = \d", one) for one in said), said
