@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, run_as_given
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
 
 _LONGER = 10.0  # times the next longest stretch
+_ROWS = 10  # that a reading stands still, at least
+_ROW = 2.0  # times the most that the reading moves in a row but for these
+_AGAIN = 3  # times, that a reading freezes in one recording
+_COARSE = 5.0  # times the least that a reading changes by
 _MOVES = 0.1  # of its whole motion, that the plant as given makes meanwhile
 
 
@@ -28,13 +33,44 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         for k, signal in enumerate(evidence.given.outputs):
             if signal.name.startswith("position_") or signal.name not in recording.columns:
                 continue
-            stretch = _stretch(recording.columns[signal.name])
-            if stretch is None or _unmoved(evidence, recording, stretch):
+            values = recording.columns[signal.name]
+            stretch = _stretch(values)
+            if stretch is None:
+                late = None if evidence.fit is None else _caught_up(evidence.fit.plant, recording, values, k)
+                found += [] if late is None else [_told(recording, signal.name, *late)]
+                continue
+            if _unmoved(evidence, recording, stretch):
                 continue
             run = _moving(evidence, recording) if run is None else run
             if run is not None and np.ptp(run[stretch, k]) > _MOVES * np.ptp(run[:, k]):
                 found.append(_said(recording, signal.name, stretch))
     return tuple(found)
+
+
+def _caught_up(plant: Plant, recording: Recording, values: Array, output: int) -> tuple[slice, str] | None:
+    """Return where a reading stands among others as long, and then makes up in one row for what it has missed.
+
+    That is by far more than it can be read to, about what the plant as fitted has moved meanwhile, and more than the
+    reading moves in a row elsewhere. What does so again and again is read less often than it is logged.
+    """
+    run = run_as_given(plant, recording)
+    steps = np.abs(np.diff(values))
+    if run is None or not np.any(steps):
+        return None
+    usual = float(np.sort(steps)[-_AGAIN - 1]) if len(steps) > _AGAIN else 0.0
+    least = max(_MOVES * float(np.ptp(run[:, output])), _COARSE * float(np.min(steps[steps > 0.0])), _ROW * usual)
+    ends = np.flatnonzero(steps) + 1
+    found = []
+    for begin, end in zip((0, *ends[:-1]), ends, strict=True):
+        if end - begin < _ROWS or values[begin] == 0.0:
+            continue
+        leap, moved = values[end] - values[begin], run[end, output] - run[begin, output]
+        if min(abs(leap), abs(moved)) > least and 0.5 < leap / moved < 2.0:
+            found.append((abs(leap), slice(int(begin), int(end))))
+    if not found or len(found) > _AGAIN:
+        return None
+    leap, rows = max(found, key=lambda each: each[0])
+    return rows, f"{leap:.3g}"
 
 
 def _moving(evidence: Evidence, recording: Recording) -> Array | None:
@@ -70,15 +106,27 @@ def _leapt(values: Array, rows: slice) -> bool:
 
 
 def _said(recording: Recording, name: str, rows: slice) -> str:
+    why = "that repeated its last value" if recording.columns[name][rows.start] else "that had nothing to read"
+    return f"{_stands(recording, name, rows)}, and elsewhere changes in nearly every row: {_cure(recording, rows, why)}"
+
+
+def _told(recording: Recording, name: str, rows: slice, leap: str) -> str:
+    made_up = f"and then leaps by {leap}, as far as the plant has moved meanwhile"
+    return f"{_stands(recording, name, rows)}, {made_up}: {_cure(recording, rows, 'that repeated its last value')}"
+
+
+def _stands(recording: Recording, name: str, rows: slice) -> str:
     time = recording.time
-    ends = rows.start == 0 or rows.stop == len(time)  # then one part is left
-    cure = "cut these rows out" if ends else "cut these rows out and list both parts"
-    held = recording.columns[name][rows.start]
-    why = "that repeated its last value" if held else "that had nothing to read"
     return (
-        f"{name} of {recording.source} stands at {held:.6g} from {time[rows.start]:.6g} "
-        f"to {time[rows.stop - 1]:.6g} s ({rows.stop - rows.start} rows), and elsewhere changes in nearly every row: a "
-        f"sensor, a bus or a logger {why}; {cure}"
+        f"{name} of {recording.source} stands at {recording.columns[name][rows.start]:.6g} from "
+        f"{time[rows.start]:.6g} to {time[rows.stop - 1]:.6g} s ({rows.stop - rows.start} rows)"
+    )
+
+
+def _cure(recording: Recording, rows: slice, why: str) -> str:
+    ends = rows.start == 0 or rows.stop == len(recording.time)  # then one part is left
+    return f"a sensor, a bus or a logger {why}; " + (
+        "cut these rows out" if ends else "cut these rows out and list both parts"
     )
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.host.identify_faults import changed, heater, swing
+from bench.host.identify_faults import changed, heater, motor, swing
 from firmloop.cli import main
 from tests.firmloop.columns.test_identify_says import written
 
@@ -80,3 +80,21 @@ def test_coarse_and_noisy_readings_are_none_that_failed(
     assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert "that failed" not in said and "stands at" not in said
+
+
+@pytest.mark.parametrize("first", [None, 500, 900, 1300])
+def test_a_coarse_reading_that_freezes_among_its_own_repeats_is_told(
+    first: int | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Steps of 5 rad/s stand still for hundreds of rows by themselves; a leap makes up for what was missed."""
+
+    def read(speed: Array) -> Array:
+        coarse = np.round(speed / 5.0) * 5.0
+        if first is None:
+            return coarse
+        moving = first + int(np.argmax(np.abs(speed[first:-300] - speed[first + 300 :]) > 60.0))
+        return kept(moving, moving + 300)(coarse)
+
+    folder = written(tmp_path / "log", changed(motor(np.random.default_rng(3)), speed_rad_s=read))
+    assert main(["identify", str(folder / "project.toml"), "--out", str(folder / "out")]) == 0
+    assert ("as far as the plant has moved meanwhile" in capsys.readouterr().out) == (first is not None)
