@@ -1,4 +1,4 @@
-"""Take from every line what a logging library puts before it, such as `I (312) MOTOR: ` or `12:00:01,199 INFO `."""
+"""Take from every line what a library or a terminal puts before it, `I (312) MOTOR: `, `12:00:01,199 INFO ` or `> `."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from firmloop.identify.recordings.text.lines import last_filled
 
 _WORD = re.compile(r"[^\W\d_]{2}|\b[A-Z] \(\d+\)")  # of a library; the letters of a stamp, T and Z, stand alone
 _BEGIN = re.compile(r"(?:(?<!\d)[:>]|[\])|\s])\s*(?=[-+]?\.?\d)")  # behind which numbers begin: no part of a clock
+_PROMPT = re.compile(r"\s*>+\s+")  # of a terminal, with no word in it
 _COLOUR = re.compile(r"\x1b\[[\d;]*[A-Za-z]")
 _FEWEST = 3  # rows that make a table
 _MOST = 120  # letters of it
@@ -47,13 +48,18 @@ def without_log_prefix(text: str) -> tuple[str, tuple[str, ...]]:
 def _before_numbers(row: str) -> tuple[str, str, int] | None:
     """Return what stands before the numbers of a row, what parts them and how many they are; None where it has no word.
 
-    Nor is it any where something else follows.
+    Nor is it any where something else follows. The prompt of a terminal needs no word.
     """
     for begin in _BEGIN.finditer(row[:_MOST]):
         before, after = row[: begin.end()], row[begin.end() :]
         mark = next((each for each in ",;\t|" if each in after), " ")
         cells, parted = _cells(after, mark), re.search(r"[,;\t]", re.sub(r"\d,\d", "", before))
-        if _WORD.search(before) and not parted and len(cells) > 1 and all(map(is_number, cells)):
+        if (
+            (_WORD.search(before) or _PROMPT.fullmatch(before))
+            and not parted
+            and len(cells) > 1
+            and all(map(is_number, cells))
+        ):
             return before, mark, len(cells)
     return None
 

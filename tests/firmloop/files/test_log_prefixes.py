@@ -25,6 +25,8 @@ PREFIXED = {
     "a word": [f"DATA: {line}" for line in LINES],
     "a word before rows alone": [HEADER, *(f"DATA: {line}" for line in ROWS)],
     "a prompt": [f"motor> {line}" for line in LINES],
+    "a prompt without a word": [f"> {line}" for line in LINES],
+    "a prompt before rows alone": [HEADER, *(f">>> {line}" for line in ROWS)],
     "names with blanks": [f"I ({312 + k}) LOG: {line}" for k, line in enumerate(SPACED)],
     "semicolons": [f"DATA: {line}".replace(",", ";") for line in LINES],
     "blanks": [f"DATA: {line}".replace(",", " ") for line in LINES],
