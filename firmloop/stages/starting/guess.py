@@ -113,7 +113,7 @@ def _tried(base: FirstProject, proposal: Proposal, seen: Data) -> _Tried:
     with scratch_folder(Path(tempfile.gettempdir()), ".firmloop_init") as folder:
         project = _read(first, folder)
         found = fitting.fit_alone(project, seen)
-        first = _settled(first, found)
+        first = _settled(first, found, max(float(each.time[-1] - each.time[0]) for each in seen.train))
         making.design(_read(first, folder), found.plant)
     scores = [float(np.mean([each.scores[name].fit_percent for each in found.train])) for name in outputs]
     sure = [score if math.isfinite(score) else -math.inf for score in scores]
@@ -130,8 +130,11 @@ def _read(first: FirstProject, folder: Path) -> Project:
         raise ProjectError(re.sub(rf"^{re.escape(str(file))}:(\d+:)? ", "", str(error))) from None
 
 
-def _settled(first: FirstProject, found: Fit) -> FirstProject:
-    """Put fitted values in place of starts, and ask for a closed loop that the plant's own lag allows."""
+def _settled(first: FirstProject, found: Fit, longest: float) -> FirstProject:
+    """Put fitted values in place of starts, and ask for a closed loop that the plant's own lag allows.
+
+    No lag is told to be longer than the longest recording, s: of what only sums up, a fit says that it takes years.
+    """
     given = {each.name: each for each in first.parameters}
     fitted = {each.name: each for each in found.plant.parameters}
     told = [
@@ -146,7 +149,7 @@ def _settled(first: FirstProject, found: Fit) -> FirstProject:
     linear = linearize(found.plant)
     poles = np.linalg.eigvals(linear.a) if len(linear.a) else np.array([])
     lags = [1.0 / -pole.real for pole in poles if pole.real < -1e-9 * float(np.abs(poles).max())]
-    slowest = max(lags, default=20.0 * first.period)
+    slowest = min(max(lags, default=20.0 * first.period), longest)
     period = max(first.period, _round_down(slowest / _STEPS_PER_LAG))
     closed = max(slowest / _QUICKER, 5.0 * period, linear.delay)
     loop = (_within_reach(first.loop, held_levels(first.loop[2:], found.plant, linear)), *first.loop[1:])

@@ -72,3 +72,15 @@ def test_what_integrates_in_another_unit_is_not_to_be_detrended(
     said = capsys.readouterr().err
     assert "no plant kind fits pwm -> tank_Pa: tank_Pa goes on rising or falling where pwm stays" in said
     assert "rotary_stage and linear_stage" in said and "detrend" not in said
+
+
+def test_a_reading_that_only_sums_up_asks_for_no_controller_slower_than_the_recording(tmp_path: Path) -> None:
+    """A way that a vehicle has gone, logged for a second: a controller of 1,000 s was written."""
+    time = np.arange(600) * 0.002
+    drive = np.repeat(np.random.default_rng(4).choice([0.0, 0.1, -0.15, 0.25], 20), 30)
+    log = tmp_path / "drive.csv"
+    rows = [f"{t:.3f},{u:.3f},{k}" for k, (t, u) in enumerate(zip(time, drive, strict=True))]
+    log.write_text("\n".join(["time_s,duty_cycle,tacho_m", *rows]) + "\n")
+    assert main(["init", str(log), "--out", str(tmp_path / "drive.toml")]) == 0
+    period = tomllib.loads((tmp_path / "drive.toml").read_text())["controller"]["period_s"]
+    assert 0.002 <= period <= time[-1] / 50.0
