@@ -121,7 +121,8 @@ def _header_to_write(lines: Sequence[str], table: Dialect, width: int) -> str:
 def _with_header(lines: Sequence[str], table: Dialect) -> Dialect | Misread | None:
     """Find the names, and the units where a line of them stands below."""
     width = len(cells_of(lines[table.first], table)) - table.trailing
-    above = [k for k in range(table.first - 1, max(-1, table.first - _HIGHEST), -1) if lines[k].strip()]
+    said = (k for k in range(table.first - 1, max(-1, table.first - _HIGHEST), -1) if lines[k].strip())
+    above = [k for k in said if any(map(str.isalnum, lines[k]))]  # a rule of dashes says nothing
     later = range(table.first, min(len(lines), table.first + _HIGHEST))
     late = next((k + 1 for k in later if _names(lines[k], table, width)), 0)
     if not above and late:
@@ -150,7 +151,7 @@ def _with_header(lines: Sequence[str], table: Dialect) -> Dialect | Misread | No
     if not units and not _tells(headers[below]):
         below = next((k for k in higher if _tells(headers[k])), below)
     start = below + 1 if not units else above[above.index(below) - 1] + 1
-    said = (k for k in range(start, table.first) if any(map(str.isalnum, lines[k])))  # a rule of dashes says nothing
+    said = (k for k in range(start, table.first) if any(map(str.isalnum, lines[k])))
     whole = (k for k in said if len(cells_of(lines[k], table)) == width + table.trailing)
     return Dialect(
         table.delimiter,

@@ -116,7 +116,7 @@ def _columns(
 
 
 _READERS: tuple[tuple[str, Callable[[Sequence[str]], RawTable | Misread]], ...] = (
-    (r"Record Length,.*,.*,.*,", _tektronix),
+    (r"Record Length,[^,]*,[^,]*,\s*[-+.\d]+[^,]*,", _tektronix),
     (r"X,.*Increment", _rigol),
     (r".*t0\s*=.*tInc\s*=", _rigol_even),
     (r"LabVIEW Measurement", _labview),

@@ -208,6 +208,17 @@ EXPORTS: dict[str, tuple[str, str, str]] = {  # file, [recordings.rename], what 
         'Source = "time_s"\nCH1 = "voltage_V"',
         "line of units",
     ),
+    "Siglent of two channels": (
+        "Record Length,Analog:60,,,\nSample Interval,Analog:5.0E-02,,,\nVertical Units,CH1:V,CH2:V,,\nSource,CH1,CH2,\n"
+        "Second,Volt,Volt\n" + "\n".join(rows_of(TIME, VOLT, HEAT)),
+        'Source = "time_s"\nCH1 = "voltage_V"',
+        "line of units",
+    ),
+    "a rule between names and units": (
+        "time volt heat\n---- ---- ----\ns V degC\n" + "\n".join(rows_of(TIME, VOLT, HEAT, mark=" ")),
+        'time = "time_s"\nvolt = "voltage_V"',
+        "line of units",
+    ),
     "Saleae": (
         "Time [s],Channel 0\n" + "\n".join(rows_of(TIME, VOLT)),
         '"Time [s]" = "time_s"\n"Channel 0" = "voltage_V"',
