@@ -189,11 +189,15 @@ def _folded(plant: Plant, recordings: Sequence[Recording], models: Sequence[Arra
 
 
 def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: Collection[str]) -> None:
-    """Hold each output against the nominal simulation (n, r): a fixed factor or a swap is no physics."""
+    """Hold each output against the nominal simulation (n, r): a fixed factor or a swap is no physics.
+
+    What moves by itself begins where its readings say, of either sign, and tells of none.
+    """
     values = measured(plant, recording)
     moved = [np.diff(values[:, k], prepend=values[0, k]) for k in range(values.shape[1])]
     ours = [np.diff(simulated[:, k], prepend=simulated[0, k]) for k in range(values.shape[1])]
     names, guessed = [signal.name for signal in plant.outputs], free_scale(plant) is not None
+    driven = not by_itself(plant, recording)
     for k, name in enumerate(names):
         place = name.startswith("position")
         real, model = (moved[k], ours[k]) if place else (values[:, k], simulated[:, k])
@@ -209,7 +213,7 @@ def _check_units(plant: Plant, recording: Recording, simulated: Array, folded: C
                     )
         if guessed:
             continue  # a value that is only a start says nothing of a sign or a unit
-        if alike < -MISLABELLED_CORRELATION and name not in folded:
+        if driven and alike < -MISLABELLED_CORRELATION and name not in folded:
             raise IdentifyError(
                 f"{recording.source}: column {name} runs against the simulation (correlation {alike:.2f}); "
                 f"check the sign of the sensor or of the drive"

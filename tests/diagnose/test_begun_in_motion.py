@@ -6,12 +6,30 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from firmloop.cli import main
+from firmloop.diagnose.data.checks import preflight
+from firmloop.project.project import read_project
+from firmloop.stages.data import read_data
+from firmloop.stages.plant import plant_of
 from tests.diagnose.cases import lag_project
 
 LATE, STEP = 0.12, 0.01  # s
 PROJECT = lag_project("voltage_V", "speed_rad_s", 25.0, 0.3, ("a.csv", "b.csv"))
+STAGE = """schema = 1
+name = "stage"
+[recordings]
+train = ["step.csv"]
+[plant]
+kind = "linear_stage"
+input = "voltage_V"
+force_per_unit = 1.0
+outputs = ["speed_m_s"]
+[plant.parameters]
+mass_kg = { value = 8.0, free = true }
+b_N_s_m = { value = 20.0, free = true }
+"""
 
 
 def test_what_explains_them_is_written_however_far_off_it_is_from_rest(tmp_path: Path) -> None:
@@ -34,3 +52,18 @@ def test_what_explains_them_is_written_however_far_off_it_is_from_rest(tmp_path:
     (lag,) = tomllib.loads((tmp_path / "out" / "project.toml").read_text(encoding="utf-8"))["plant"]["effects"]
     low, high = lag["time_constant_s"]["ci95"]
     assert lag["name"] == "sensor_lag" and low < LATE < high
+
+
+@pytest.mark.parametrize("level", [7.0, -7.0])
+def test_a_step_whose_first_row_is_missing_tells_of_no_sign(level: float, tmp_path: Path) -> None:
+    """A drag that is given at a third of its size has it slow down from the speed where its readings begin."""
+    time = STEP * np.arange(300)
+    speed = level / 6.0 * (1.0 - 0.6 * np.exp(-time / 0.4)) + 0.001 * np.random.default_rng(6).normal(size=len(time))
+    rows = np.column_stack([time, np.full(len(time), level), speed])
+    head = "time_s,voltage_V,speed_m_s"
+    np.savetxt(tmp_path / "step.csv", rows, delimiter=",", header=head, comments="", fmt="%.7g")
+    (tmp_path / "project.toml").write_text(STAGE, encoding="utf-8")
+    project = read_project(tmp_path / "project.toml")
+    plant, train = plant_of(project), read_data(project).train
+    (note,) = preflight(plant, train, []).notes
+    assert note.startswith(f"step.csv: voltage_V is {level:g} in every row")
