@@ -19,6 +19,7 @@ from firmloop.diagnose.policy import (
     LINES_PER_CYCLE,
     MAINS_HZ,
     NEIGHBOUR_CYCLES,
+    ROWS_OF_A_CYCLE,
     SPRING_MEMORIES_S,
 )
 from firmloop.identify.plants.plant import Plant
@@ -154,7 +155,10 @@ def _two_sided(coordinate: Covariate) -> bool:
 
 
 def loudest(recordings: Sequence[Recording], residuals: Sequence[Array]) -> float:
-    """Return the pitch (rad/s) of the line that stands out most from its neighbours in all spectra; 0 where none."""
+    """Return the pitch (rad/s) of the line that stands out most from its neighbours in all spectra; 0 where none.
+
+    Readings that alternate, as those of a counter do, are no wave: a cycle has several rows.
+    """
     shortest = min(len(each) for each in residuals)
     step = float(np.median(np.diff(recordings[0].time)))
     rows = LINES_PER_CYCLE * shortest
@@ -163,7 +167,7 @@ def loudest(recordings: Sequence[Recording], residuals: Sequence[Array]) -> floa
         power = np.abs(np.fft.rfft(left[:shortest] * np.hanning(shortest)[:, None], rows, axis=0)) ** 2
         around = scipy.ndimage.median_filter(power, (LINES_PER_CYCLE * NEIGHBOUR_CYCLES, 1), mode="nearest")
         total += np.sum(power / np.maximum(around, 1e-300), axis=1)
-    total[: LINES_PER_CYCLE * DRIFT_CYCLES] = 0.0
+    total[: LINES_PER_CYCLE * DRIFT_CYCLES] = total[int(rows / ROWS_OF_A_CYCLE) :] = 0.0
     total[_hum(np.fft.rfftfreq(rows, step), 1.0 / step, 1.0 / (shortest * step))] = 0.0
     return float(2.0 * np.pi * np.argmax(total) / (rows * step)) if np.any(total) else 0.0
 

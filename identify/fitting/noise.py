@@ -29,17 +29,18 @@ class Noise:
     rms: float  # output's unit
     surplus: float = 0.0  # by how much -2 log likelihood is worse for more than the noise may be, see `bounded`
     weight: float = 0.0  # per unit of the output: what a value counts itself, beside its innovation, see `bounded`
+    samples: float = 1.0  # independent ones that a row counts as
 
     def whiten(self, values: Array) -> Array:
         """Return values (q, ...) along the first axis in units of the innovation; the first rows start from rest."""
         if len(self.coefficients) == 0:
-            return np.asarray(values / self.scale)
+            return np.asarray(values / (self.scale / self.samples**0.5))
         return filtered(np.concatenate([[1.0], self.coefficients]) / self.scale, np.ones(1), values)
 
     def unlikely(self, rows: int) -> float:
         """Return -2 log likelihood of `rows` rows that it was fitted to, but for a constant, and its price by BIC."""
         price = len(self.coefficients) * float(np.log(max(rows, 2)))
-        return 2.0 * rows * float(np.log(self.scale)) + price + self.surplus
+        return 2.0 * rows * self.samples * float(np.log(self.scale)) + price + self.surplus
 
     def color(self, innovations: Array) -> Array:
         """Return the noise (q, ...) along the first axis that innovations in the output's unit make, from rest."""
@@ -53,7 +54,7 @@ def white(scale: float) -> Noise:
 
 def flat(noises: Sequence[Noise]) -> tuple[Noise, ...]:
     """Return noises of the same sizes without memory."""
-    return tuple(white(noise.rms) for noise in noises)
+    return tuple(replace(white(noise.rms), samples=noise.samples) for noise in noises)
 
 
 def colored(noises: Sequence[Noise]) -> bool:
@@ -124,14 +125,14 @@ def bounded(noise: Noise, residuals: Sequence[Array], most: float) -> Noise:
     nothing. Its power is that of the residuals (q,) less that of the innovations; with the power held at `most` squared
     its n independent samples are less likely by n (x - 1 - log x) in -2 log likelihood, x the ratio of the two.
     `weight` squared is what a square adds to that, so that a fit sees it. What a model of p coefficients takes of white
-    noise by chance, p of its n rows on average, is none of it.
+    noise by chance, p of its n rows on average, is none of it, nor is what changes sides from row to row.
     """
     power, order = noise.rms**2 - noise.scale**2, len(noise.coefficients)
     by_chance = (order + _BY_CHANCE * np.sqrt(2.0 * order)) / sum(map(len, residuals))
     most = max(most, noise.scale * float(np.sqrt(by_chance)))
-    if not power > most**2 or not np.isfinite(power):
+    if not power > most**2 or not np.isfinite(power) or (count := memory(residuals)) == 1.0:
         return noise
-    ratio, count = power / most**2, memory(residuals)
+    ratio = power / most**2
     surplus = sum(map(len, residuals)) / count * (ratio - 1.0 - float(np.log(ratio)))
     return replace(noise, surplus=surplus, weight=float(np.sqrt((1.0 - 1.0 / ratio) / count)) / most)
 

@@ -114,7 +114,7 @@ PUMP = lag_project("pump_V", "pressure_kPa", 6.0, 4.0, ("4.csv", "12.csv"))
 
 
 def test_what_answers_an_input_that_nobody_controls_is_no_disturbance(tmp_path: Path) -> None:
-    """A pump that begins at 2.5 V, and sucks, too; its tank drains more slowly than it fills: no effect says that."""
+    """A pump that begins at 2.5 V, and sucks, too; its tank drains more slowly than it fills, which no effect says."""
     rng, time = np.random.default_rng(3), np.arange(0.0, 50.0, 0.2)
     for top in (4, 12):
         drive = np.where((time >= 1.0) & (time < 26.0), float(top), 0.0) - np.where(time >= 45.0, 3.0, 0.0)
@@ -128,5 +128,22 @@ def test_what_answers_an_input_that_nobody_controls_is_no_disturbance(tmp_path: 
         write_recording(make_recording(time, columns, f"{top}.csv", ""), tmp_path / f"{top}.csv")
     (tmp_path / "project.toml").write_text(PUMP, encoding="utf-8")
     said = said_of(tmp_path / "project.toml")
-    assert said["verdict"] == "unknown_physics", said["says"]
-    assert "in the balance of pressure_kPa" in said["says"][0]
+    assert "dead_zone" in {each["name"] for each in said["effects"]}, said["says"]
+    for told in ("not the whole of it", "in the balance of pressure_kPa"):
+        assert any(told in each for each in said["says"])
+
+
+@pytest.mark.parametrize("speed", [73.9, 72.9])
+def test_counts_that_alternate_from_row_to_row_are_an_encoder_and_no_wave_in_the_drive(
+    speed: float, tmp_path: Path
+) -> None:
+    """Some eighteen and a half counts a row: read as a wave, it had a torque change sides nearly 25 times a second."""
+    time = 0.02 * np.arange(301)
+    turned = speed * (time - 0.06 * (1.0 - np.exp(-time / 0.06)))
+    counted = np.diff(np.floor(turned / 0.0798)) * 0.0798 / 0.02
+    table = np.column_stack([time[:-1], np.full(300, 255.0), counted])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="time_s,pwm,speed_rad_s", comments="", fmt="%.7g")
+    (tmp_path / "project.toml").write_text(lag_project("pwm", "speed_rad_s", 0.3, 0.1), encoding="utf-8")
+    said = said_of(tmp_path / "project.toml")
+    assert {each["name"] for each in said["effects"]} <= {"sensor_quantization"}
+    assert said["verdict"] in ("no_mismatch", "explained")
