@@ -32,13 +32,19 @@ from firmloop.diagnose.policy import (
     TRACE_SHARE,
     WIDER_RMS,
 )
+from firmloop.diagnose.search.anew import by_simulation, in_pieces
 from firmloop.diagnose.search.at_rest import rested
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.exhaustive import exhausted
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.late_sensor import retimed
-from firmloop.diagnose.search.multiple_shooting import in_pieces
-from firmloop.diagnose.search.simulation_error import independent, nearer, nearest, needed, strays
+from firmloop.diagnose.search.simulation_error import (
+    independent,
+    nearer,
+    nearest,
+    needed,
+    strays,
+)
 from firmloop.diagnose.search.stepwise import further, levelled, pruned, settled
 from firmloop.identify.fitting.noise import colored, flat
 from firmloop.identify.simulation.course import LONGEST_CHANGE
@@ -62,12 +68,15 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         found, shape = more, rest
     alone = _alone(found)
     shaped = outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
-    tried = None
-    if strays(found) or alone is not None or shaped or (not found.best.fitted.terms and rivals_noise(found)):
+    stuck = strays(found) or alone is not None or shaped or (not found.best.fitted.terms and rivals_noise(found))
+    tried, spent = None, found.problem.engine.steps
+    other = by_simulation(found, progress)
+    begun += found.problem.engine.steps - spent  # that search has its own patience
+    if other is None and stuck:
         other, tried = exhausted(found) or in_pieces(found, progress), found
-        if other is not None:
-            found = _resumed(other)
-            shape, alone = best_shape(found, found.best), _alone(found)
+    if other is not None:
+        found = other if other.problem.samples else _resumed(other)
+        shape, alone = best_shape(found, found.best), _alone(found)
     if alone is not None:
         fewer = _fewer(found)
         if fewer is None:

@@ -71,7 +71,8 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
         shape = best_shape(seen, search.nominal)
     told = shape if shape is not None and _helps(seen, shape) else None
     after = search.best.fitted.residuals if told is None else told.residuals
-    noises = search.best.noises if told is None else noises_of(search.problem, after)
+    row_by_row = replace(search.problem, samples=0.0)
+    noises = search.best.noises if told is None and not search.problem.samples else noises_of(row_by_row, after)
     rounded = {each.output: each.values[0] / math.sqrt(12.0) for each in read if each.in_steps}
     pairs = zip(search.problem.plant.outputs, sensor_noises(after, search.problem.floors), strict=True)
     noise = tuple(max(size, rounded.get(signal.name, 0.0)) for signal, size in pairs)

@@ -25,7 +25,7 @@ from firmloop.diagnose.policy import (
     UNSEEN,
 )
 from firmloop.identify.fitting.experiment import stretches
-from firmloop.identify.fitting.noise import ORDERS, Noise, bounded, fit_noise
+from firmloop.identify.fitting.noise import ORDERS, Noise, bounded, fit_noise, white
 from firmloop.identify.fitting.own_values import by_itself
 from firmloop.identify.fitting.problem import LEASH
 from firmloop.identify.recordings.recording import Recording
@@ -57,8 +57,15 @@ class Fitted:
 
 
 def noises_of(problem: Problem, residuals: Sequence[Array], orders: Sequence[int] = ORDERS) -> tuple[Noise, ...]:
-    """Estimate every output's noise from what a fit left over; it costs what it is larger than noise may be."""
+    """Estimate every output's noise from what a fit left over; it costs what it is larger than noise may be.
+
+    A misfit is that of a few independent samples, without memory.
+    """
     columns = [[part[:, index] for part in residuals] for index in range(residuals[0].shape[1])]
+    if problem.samples:
+        orders, share = (0,), problem.samples / sum(map(len, residuals))
+        fitted = [fit_noise(each, float(floor), orders) for each, floor in zip(columns, problem.floors, strict=True)]
+        return tuple(replace(white(one.rms), samples=share) for one in fitted)
     sizes = zip(columns, problem.floors, problem.drifts, strict=True)
     return tuple(bounded(fit_noise(each, float(floor), orders), each, float(most)) for each, floor, most in sizes)
 
@@ -315,5 +322,5 @@ def evidence(fitted: Fitted, noises: Sequence[Noise]) -> float:
     rows = sum(len(part) for part in fitted.residuals)
     own = sum(noise.unlikely(rows) for noise in noises)
     unknowns = len(fitted.coordinates)
-    total = float(own + unknowns * np.log(rows * len(noises)))
+    total = float(own + unknowns * np.log(rows * sum(noise.samples for noise in noises)))
     return total if np.isfinite(total) else np.inf

@@ -102,6 +102,7 @@ class Problem:
     direct: tuple[Direct, ...]  # read off before any fit; the recordings are without them
     hidden: Mapping[int, tuple[int, int]] = field(default_factory=dict)  # by id of a recording: rows that count nothing
     weights: Mapping[int, Array] = field(default_factory=dict)  # (r,) by id of a recording: factors on what it leaves
+    samples: float = 0.0  # independent ones of what is left, where it is a misfit and no noise
 
     def term(self, name: str) -> LibraryTerm | None:
         """Return the first term of that effect."""

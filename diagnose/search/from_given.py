@@ -95,7 +95,7 @@ def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
     Beside a level that is not the plant's, a refit may not come to the sign of a gain.
     """
     signed = any(p.free and p.low < 0.0 < p.high for p in problem.plant.parameters)
-    if nominal.fitted.terms or not signed or not oversized(nominal.noises):
+    if nominal.fitted.terms or not signed or not (problem.samples or oversized(nominal.noises)):
         return ()
     centred, known = about_means(problem.plant, problem.train, NONE), nominal.fitted.point.values
     if centred is None or not any(p.value * known[p.name] < 0.0 for p in centred.parameters if p.free):
@@ -120,7 +120,7 @@ def from_balance(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
 
     More terms at once only where fewer do not come near: one by one is how all else is found.
     """
-    if nominal.fitted.terms or not oversized(nominal.noises):
+    if nominal.fitted.terms or not (problem.samples or oversized(nominal.noises)):
         return ()
     begins = leads(problem, sensor_noises(nominal.fitted.residuals, problem.floors))
     found: list[Fitted] = []

@@ -162,7 +162,7 @@ def _as_simulated(found: Search) -> Search:
     stands beside.
     """
     problem, best = found.problem, found.best
-    if not best.fitted.terms or not misfits(found):
+    if not best.fitted.terms or problem.samples or not misfits(found):
         return found
     tried, until = [_plainly(found, best.fitted).best], problem.engine.steps + EXCHANGE_PATIENCE
     for other in candidates_of(found):

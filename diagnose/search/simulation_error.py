@@ -11,7 +11,7 @@ from firmloop.diagnose.model.candidate import Candidate, memories, rms_of
 from firmloop.diagnose.model.fit import Fitted
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, outputs_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
-from firmloop.diagnose.policy import COLORED_SENSOR, LOST_SHARE, NEARER_RMS, SLOW_RMS
+from firmloop.diagnose.policy import COLORED_SENSOR, LOST_SHARE, NEARER_RMS, SLOW_RMS, STILL_MISSING
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.checks.structure import answering, features
 from firmloop.identify.fitting.noise import Noise, oversized
@@ -42,6 +42,15 @@ def misfits(search: Search) -> bool:
     if search.refit is None or len(search.refit.inputs) != 1 or not unlike_noise(problem, best):
         return False
     return mostly(answered(problem, search.refit, dict(enumerate(best.fitted.residuals))))
+
+
+def answers(search: Search) -> bool:
+    """Tell whether the input explains some of what the best leaves in most recordings, more than sensors' noise."""
+    problem, residuals = search.problem, search.best.fitted.residuals
+    sensors = np.array(sensor_noises(residuals, problem.floors))
+    if search.refit is None or len(search.refit.inputs) != 1 or not np.any(rms_of(residuals) > STILL_MISSING * sensors):
+        return False
+    return mostly(answered(problem, search.refit, dict(enumerate(residuals))))
 
 
 def mostly(answers: Sequence[bool]) -> bool:

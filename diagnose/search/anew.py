@@ -1,0 +1,127 @@
+"""Search anew where what a search has left is no noise: by how near simulations come alone, or in short pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmloop.diagnose.model.candidate import Candidate, larger, rated
+from firmloop.diagnose.model.fit import fit, noises_of
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem
+from firmloop.diagnose.policy import (
+    CLEAR_GAIN,
+    CLOSER_RMS,
+    IMPOSSIBLE,
+    MISFIT_SAMPLES,
+    PIECES,
+    ROWS_OF_A_PIECE,
+    STEPS_OF_A_FIT,
+)
+from firmloop.diagnose.search.found import Progress, Search
+from firmloop.diagnose.search.simulation_error import answers, nearer, unlike_noise
+from firmloop.diagnose.search.stepwise import accepted, search
+from firmloop.identify.fitting.noise import Noise, flat, oversized
+from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.superset import Superset
+
+Array = NDArray[np.float64]
+
+
+class _Simulated(NamedTuple):
+    """How a simulator is set, so that a search that finds nothing leaves it as it was."""
+
+    recorded: bool
+    lost: float
+    strayed: Mapping[int, Array]
+    longest_change: float
+
+    def restore(self, engine: Superset) -> None:
+        """Set a simulator like that."""
+        engine.hasten(self.longest_change)
+        engine.follow(self.recorded)
+        engine.lose(self.lost)
+        engine.amend(self.strayed)
+
+
+def _set_now(engine: Superset) -> _Simulated:
+    """Return how a simulator is set."""
+    return _Simulated(engine.recorded, engine.lost, engine.strayed, engine.longest_change)
+
+
+def by_simulation(found: Search, progress: Progress) -> Search | None:
+    """Return a search that begins with what simulates far nearer than the best; None where nothing does.
+
+    A model of noise foretells a slow misfit row by row, so that what explains it gains hardly anything, and of readings
+    that are held or averaged innovations tell details. What is larger than noise may be, or answers the input, counts
+    as a few independent samples: as many as make a fall to CLOSER_RMS worth the threshold. Where the best leaves
+    such a misfit, too, the problem of the search stays one of a misfit.
+    """
+    if not (oversized(found.best.noises) or answers(found)):
+        return None
+    problem, before = found.problem, _set_now(found.problem.engine)
+    plain = search(replace(problem, samples=MISFIT_SAMPLES, memory={}), progress)
+    if not plain.best.fitted.terms or not nearer(plain.best.fitted, found.best.fitted, CLOSER_RMS):
+        before.restore(problem.engine)
+        return None
+    if unlike_noise(problem, plain.best):
+        return plain
+    possible = [[each for each in turn if each.score < IMPOSSIBLE] for turn in plain.rounds]
+    rounds = tuple(tuple(rated(problem, each.fitted) for each in turn) for turn in possible)
+    best = rated(problem, plain.best.fitted)
+    return replace(found, best=best, rounds=(*found.rounds, *rounds), gains=(found.nominal.score - best.score,))
+
+
+def in_pieces(found: Search, progress: Progress) -> Search | None:
+    """Return a search that begins with what explains the pieces, if that explains clearly more of the whole, too.
+
+    Over a short while no simulation strays far from what was recorded. A fit of the whole takes a wrong angle, place or
+    direction of motion from a simulation that has drifted away, and the right effect then explains little (multiple
+    shooting: Bock 1981). A piece begins where it was recorded.
+    """
+    problem = found.problem
+    if not oversized(found.best.noises) or any(term.effect.place == "timing" for term in found.best.fitted.terms):
+        return None  # a clock that runs slow is late from the beginning of a piece
+    train = _cut(problem.train)
+    if len(train) == len(problem.train):
+        return None
+    engine, before = problem.engine, _set_now(problem.engine)
+    engine.amend({})
+    best = search(replace(problem, train=train, memory={}), progress, 1).best.fitted  # the rest goes on with the whole
+    engine.hasten(before.longest_change)
+    candidate = None
+    if best.terms:
+        firsts = [sum(_count(each) for each in problem.train[:k]) for k in range(len(problem.train))]
+        begin = Point(best.point.values, tuple(best.point.starts[k] for k in firsts))
+        candidate = _whole(problem, best.terms, begin, best.noises)
+    base = found.nominal
+    if candidate is None or found.best.score - candidate.score < CLEAR_GAIN or larger(candidate, base):
+        before.restore(engine)
+        return None
+    candidate = accepted(problem, candidate)
+    return replace(found, best=candidate, rounds=(*found.rounds, (candidate,)), gains=(base.score - candidate.score,))
+
+
+def _cut(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    """Return all recordings in pieces, one after the other."""
+    found = []
+    for each in recordings:
+        count, rows = _count(each), len(each.time)
+        found += [each.part(k * rows // count, (k + 1) * rows // count) for k in range(count)]
+    return tuple(found)
+
+
+def _count(recording: Recording) -> int:
+    """Return in how many pieces a recording is cut."""
+    return min(max(len(recording.time) // ROWS_OF_A_PIECE, 1), PIECES)
+
+
+def _whole(problem: Problem, terms: Sequence[LibraryTerm], point: Point, noises: Sequence[Noise]) -> Candidate:
+    """Fit to the whole recordings what the pieces told."""
+    plain = fit(problem, problem.train, terms, point, flat(noises), STEPS_OF_A_FIT)
+    return rated(
+        problem, fit(problem, problem.train, terms, plain.point, noises_of(problem, plain.residuals), STEPS_OF_A_FIT)
+    )

@@ -1,0 +1,79 @@
+"""What no noise model may make noise of is searched by how near simulations come."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.diagnose.cases import said_of
+
+Array = NDArray[np.float64]
+
+STEP = 1e-3  # s
+WHEEL = """schema = 1
+name = "wheel"
+[recordings]
+train = ["up.csv", "down.csv", "step.csv"]
+[plant]
+kind = "rotary_stage"
+input = "voltage_V"
+torque_per_unit = 1.0
+outputs = ["speed_rad_s"]
+[plant.parameters]
+J_kg_m2 = { value = 0.03, free = true }
+b_N_m_s_rad = { value = 0.1, free = true }
+"""
+
+
+def turned(volts: Array) -> Array:
+    """Return the speed (n,) of a wheel that 0.7 V keep from turning, 0.111 V s/rad and 5.2 mV s^2/rad."""
+    speed, found = 0.0, np.empty(len(volts))
+    for k, volt in enumerate(volts):
+        found[k] = speed
+        free = volt - 0.111 * speed
+        if speed == 0.0 and abs(free) <= 0.7:
+            continue
+        way = np.sign(speed) if speed else np.sign(free)
+        after = speed + STEP * (free - 0.7 * way) / 5.2e-3
+        speed = 0.0 if speed * after < 0.0 else after
+    return found
+
+
+def windowed(values: Array, rows: int) -> Array:
+    """Return the mean (n,) of as many rows up to each."""
+    total, last = np.concatenate([[0.0], np.cumsum(values)]), np.arange(1, len(values) + 1)
+    return np.asarray((total[last] - total[np.maximum(last - rows, 0)]) / rows)
+
+
+def logged(folder: Path) -> Path:
+    """Log two ramps and a step of a wheel whose speed is averaged and renewed some 20 ms apart; return the project."""
+    random = np.random.default_rng(2)
+    for name, span, rows, volts in (("up", 16, 20, 0.25), ("down", 12, 20, -0.25), ("step", 2, 10, 7.0)):
+        time = np.arange(0.0, span, STEP)
+        drive = np.repeat((np.full(len(time), volts) if name == "step" else volts * time)[::rows], rows)
+        speed = turned(drive)
+        speed += 0.01 * np.sin(STEP * np.cumsum(speed)) * np.sqrt(np.abs(speed))
+        read = windowed(windowed(speed, 100), 64)
+        renewed = np.cumsum(np.concatenate([[0], random.integers(17, 24, len(time) // 17)]))
+        held = read[renewed[np.searchsorted(renewed, np.arange(len(time)), side="right") - 1]]
+        table = np.column_stack([time, drive, np.round(102.4 * held) / 102.4])[::rows]
+        np.savetxt(folder / f"{name}.csv", table, delimiter=",", header="time_s,voltage_V,speed_rad_s", comments="")
+    (folder / "project.toml").write_text(WHEEL, encoding="utf-8")
+    return folder / "project.toml"
+
+
+def test_friction_in_ramps_and_a_delay_in_a_step_are_found_behind_readings_that_are_averaged_and_held(
+    tmp_path: Path,
+) -> None:
+    said = said_of(logged(tmp_path))
+    assert said["verdict"] == "ambiguous"
+    held = {each["name"]: each["parameters"] for each in said["effects"]}
+    assert {"dead_zone", "coulomb_friction", "sensor_delay"} <= set(held)
+    low, high = held["coulomb_friction"]["torque_N_m"]["ci95"]
+    assert low < 0.7 < high
+    low, high = held["sensor_delay"]["delay_s"]["ci95"]
+    assert low < 0.5 * (0.1 + 0.064 + 0.02) < high
+    figures = said["simulation_rms"]["train"]["speed_rad_s"]
+    assert figures["after"] < 0.2 * figures["refit"]
