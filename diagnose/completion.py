@@ -38,13 +38,7 @@ from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.exhaustive import exhausted
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.late_sensor import retimed
-from firmloop.diagnose.search.simulation_error import (
-    independent,
-    nearer,
-    nearest,
-    needed,
-    strays,
-)
+from firmloop.diagnose.search.simulation_error import independent, nearer, nearest, needed, strays
 from firmloop.diagnose.search.stepwise import further, levelled, pruned, settled
 from firmloop.identify.fitting.noise import colored, flat
 from firmloop.identify.simulation.course import LONGEST_CHANGE

@@ -31,13 +31,18 @@ from firmloop.identify.simulation.superset import Superset
 Array = NDArray[np.float64]
 
 
-class _Simulated(NamedTuple):
+class _Settings(NamedTuple):
     """How a simulator is set, so that a search that finds nothing leaves it as it was."""
 
     recorded: bool
     lost: float
     strayed: Mapping[int, Array]
     longest_change: float
+
+    @classmethod
+    def of(cls, engine: Superset) -> _Settings:
+        """Return how a simulator is set now."""
+        return cls(engine.recorded, engine.lost, engine.strayed, engine.longest_change)
 
     def restore(self, engine: Superset) -> None:
         """Set a simulator like that."""
@@ -47,23 +52,19 @@ class _Simulated(NamedTuple):
         engine.amend(self.strayed)
 
 
-def _set_now(engine: Superset) -> _Simulated:
-    """Return how a simulator is set."""
-    return _Simulated(engine.recorded, engine.lost, engine.strayed, engine.longest_change)
-
-
 def by_simulation(found: Search, progress: Progress) -> Search | None:
     """Return a search that begins with what simulates far nearer than the best; None where nothing does.
 
     A model of noise foretells a slow misfit row by row, so that what explains it gains hardly anything, and of readings
-    that are held or averaged innovations tell details. What is larger than noise may be, or answers the input, counts
-    as a few independent samples: as many as make a fall to CLOSER_RMS worth the threshold. Where the best leaves
-    such a misfit, too, the problem of the search stays one of a misfit.
+    that are held or averaged innovations tell details. What answers the input counts as a few independent
+    samples: as many as make a fall to CLOSER_RMS worth the threshold. Where the best leaves far more than its sensors'
+    noise, too, the problem of the search stays one of a misfit.
     """
-    if not (oversized(found.best.noises) or answers(found)):
+    if not answers(found):
         return None
-    problem, before = found.problem, _set_now(found.problem.engine)
-    plain = search(replace(problem, samples=MISFIT_SAMPLES, memory={}), progress)
+    problem, before = found.problem, _Settings.of(found.problem.engine)
+    progress(0.8, "looking at simulation error alone")
+    plain = search(replace(problem, samples=MISFIT_SAMPLES, memory={}), lambda *_: None)
     if not plain.best.fitted.terms or not nearer(plain.best.fitted, found.best.fitted, CLOSER_RMS):
         before.restore(problem.engine)
         return None
@@ -88,7 +89,7 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
     train = _cut(problem.train)
     if len(train) == len(problem.train):
         return None
-    engine, before = problem.engine, _set_now(problem.engine)
+    engine, before = problem.engine, _Settings.of(problem.engine)
     engine.amend({})
     best = search(replace(problem, train=train, memory={}), progress, 1).best.fitted  # the rest goes on with the whole
     engine.hasten(before.longest_change)

@@ -45,12 +45,12 @@ def misfits(search: Search) -> bool:
 
 
 def answers(search: Search) -> bool:
-    """Tell whether the input explains some of what the best leaves in most recordings, more than sensors' noise."""
+    """Tell whether the input explains some of what the best leaves in a recording, more than sensors' noise."""
     problem, residuals = search.problem, search.best.fitted.residuals
     sensors = np.array(sensor_noises(residuals, problem.floors))
     if search.refit is None or len(search.refit.inputs) != 1 or not np.any(rms_of(residuals) > STILL_MISSING * sensors):
         return False
-    return mostly(answered(problem, search.refit, dict(enumerate(residuals))))
+    return any(answered(problem, search.refit, dict(enumerate(residuals))))
 
 
 def mostly(answers: Sequence[bool]) -> bool:
