@@ -17,13 +17,15 @@ from firmloop.diagnose.policy import (
     CLOSER_RMS,
     IMPOSSIBLE,
     MISFIT_SAMPLES,
+    MOST_EFFECTS,
     PIECES,
     ROWS_OF_A_PIECE,
+    SEARCH_PATIENCE,
     STEPS_OF_A_FIT,
 )
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.simulation_error import answers, nearer, unlike_noise
-from firmloop.diagnose.search.stepwise import accepted, search
+from firmloop.diagnose.search.stepwise import accepted, further, search
 from firmloop.identify.fitting.noise import Noise, flat, oversized
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.superset import Superset
@@ -57,14 +59,20 @@ def by_simulation(found: Search, progress: Progress) -> Search | None:
 
     A model of noise foretells a slow misfit row by row, so that what explains it gains hardly anything, and of readings
     that are held or averaged innovations tell details. What answers the input counts as a few independent
-    samples: as many as make a fall to CLOSER_RMS worth the threshold. Where the best leaves far more than its sensors'
-    noise, too, the problem of the search stays one of a misfit.
+    samples: as many as make a fall to CLOSER_RMS worth the threshold. It goes on as long as what is left does answer.
+    Where that is far more than the sensors' noise in the end, the problem of the search stays one of a misfit.
     """
     if not answers(found):
         return None
     problem, before = found.problem, _Settings.of(found.problem.engine)
     progress(0.8, "looking at simulation error alone")
-    plain = search(replace(problem, samples=MISFIT_SAMPLES, memory={}), lambda *_: None)
+    until = problem.engine.steps + SEARCH_PATIENCE
+    plain = search(replace(problem, samples=MISFIT_SAMPLES, memory={}), lambda *_: None, 1)
+    while answers(plain) and 0 < len(plain.best.fitted.terms) < MOST_EFFECTS and problem.engine.steps < until:
+        more = further(plain)
+        if more is None:
+            break
+        plain = more
     if not plain.best.fitted.terms or not nearer(plain.best.fitted, found.best.fitted, CLOSER_RMS):
         before.restore(problem.engine)
         return None

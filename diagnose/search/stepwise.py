@@ -343,7 +343,7 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
     alone; `gain` is what it did bring.
     """
     newest, values = candidate.fitted.terms[-1], candidate.fitted.point.values
-    least = SLOW_THRESHOLD if problem.samples and creeps(newest, values) else THRESHOLD
+    least = THRESHOLD
     if any(len(noise.coefficients) >= LONG_MEMORY for noise in candidate.noises):
         least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
         times = times_chance(problem, candidate.fitted, candidate.noises, newest)
