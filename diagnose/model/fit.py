@@ -63,9 +63,9 @@ def noises_of(problem: Problem, residuals: Sequence[Array], orders: Sequence[int
     """
     columns = [[part[:, index] for part in residuals] for index in range(residuals[0].shape[1])]
     if problem.samples:
-        orders, share = (0,), problem.samples / sum(map(len, residuals))
-        fitted = [fit_noise(each, float(floor), orders) for each, floor in zip(columns, problem.floors, strict=True)]
-        return tuple(replace(white(one.rms), samples=share) for one in fitted)
+        share = problem.samples / sum(map(len, residuals))
+        sized = [fit_noise(each, float(floor), (0,)).rms for each, floor in zip(columns, problem.floors, strict=True)]
+        return tuple(replace(white(rms), samples=share) for rms in sized)
     sizes = zip(columns, problem.floors, problem.drifts, strict=True)
     return tuple(bounded(fit_noise(each, float(floor), orders), each, float(most)) for each, floor, most in sizes)
 

@@ -58,16 +58,16 @@ def by_simulation(found: Search, progress: Progress) -> Search | None:
     """Return a search that begins with what simulates far nearer than the best; None where nothing does.
 
     A model of noise foretells a slow misfit row by row, so that what explains it gains hardly anything, and of readings
-    that are held or averaged innovations tell details. What answers the input counts as a few independent
-    samples: as many as make a fall to CLOSER_RMS worth the threshold. It goes on as long as what is left does answer.
-    Where that is far more than the sensors' noise in the end, the problem of the search stays one of a misfit.
+    that are held or averaged innovations tell details. What answers the input counts as a few independent samples: as
+    many as make a fall to CLOSER_RMS worth the threshold. It goes on as long as what is left does answer. Where that is
+    far more than the sensors' noise in the end, the problem of the search stays one of a misfit.
     """
     if not answers(found):
         return None
     problem, before = found.problem, _Settings.of(found.problem.engine)
     progress(0.8, "looking at simulation error alone")
     until = problem.engine.steps + SEARCH_PATIENCE
-    plain = search(replace(problem, samples=MISFIT_SAMPLES, memory={}), lambda *_: None, 1)
+    plain = search(replace(problem, samples=MISFIT_SAMPLES, memory={}), lambda *_: None, 1, found.refit)
     while answers(plain) and 0 < len(plain.best.fitted.terms) < MOST_EFFECTS and problem.engine.steps < until:
         more = further(plain)
         if more is None:

@@ -95,7 +95,7 @@ def from_means(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
     Beside a level that is not the plant's, a refit may not come to the sign of a gain.
     """
     signed = any(p.free and p.low < 0.0 < p.high for p in problem.plant.parameters)
-    if nominal.fitted.terms or not signed or not (problem.samples or oversized(nominal.noises)):
+    if nominal.fitted.terms or not signed or not _misfit(problem, nominal):
         return ()
     centred, known = about_means(problem.plant, problem.train, NONE), nominal.fitted.point.values
     if centred is None or not any(p.value * known[p.name] < 0.0 for p in centred.parameters if p.free):
@@ -120,7 +120,7 @@ def from_balance(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
 
     More terms at once only where fewer do not come near: one by one is how all else is found.
     """
-    if nominal.fitted.terms or not (problem.samples or oversized(nominal.noises)):
+    if nominal.fitted.terms or not _misfit(problem, nominal):
         return ()
     begins = leads(problem, sensor_noises(nominal.fitted.residuals, problem.floors))
     found: list[Fitted] = []
@@ -133,6 +133,11 @@ def from_balance(problem: Problem, nominal: Candidate) -> tuple[Fitted, ...]:
         ]
         found += [each for each in tried if each.cost < least]
     return tuple(found)
+
+
+def _misfit(problem: Problem, candidate: Candidate) -> bool:
+    """Tell whether what a candidate leaves is taken for no noise, or is larger than that may be."""
+    return problem.samples > 0.0 or oversized(candidate.noises)
 
 
 def _folded(problem: Problem, term: LibraryTerm) -> bool:

@@ -38,19 +38,21 @@ def unlike_noise(problem: Problem, candidate: Candidate) -> bool:
 
 def misfits(search: Search) -> bool:
     """Tell whether the input explains some of what the best leaves in most recordings, where that is unlike noise."""
-    problem, best = search.problem, search.best
-    if search.refit is None or len(search.refit.inputs) != 1 or not unlike_noise(problem, best):
-        return False
-    return mostly(answered(problem, search.refit, dict(enumerate(best.fitted.residuals))))
+    return unlike_noise(search.problem, search.best) and mostly(_answers_of(search))
 
 
 def answers(search: Search) -> bool:
     """Tell whether the input explains some of what the best leaves in a recording, more than sensors' noise."""
-    problem, residuals = search.problem, search.best.fitted.residuals
-    sensors = np.array(sensor_noises(residuals, problem.floors))
-    if search.refit is None or len(search.refit.inputs) != 1 or not np.any(rms_of(residuals) > STILL_MISSING * sensors):
-        return False
-    return any(answered(problem, search.refit, dict(enumerate(residuals))))
+    residuals = search.best.fitted.residuals
+    sensors = np.array(sensor_noises(residuals, search.problem.floors))
+    return bool(np.any(rms_of(residuals) > STILL_MISSING * sensors)) and any(_answers_of(search))
+
+
+def _answers_of(search: Search) -> list[bool]:
+    """Tell of each recording whether the input explains some of what the best leaves; of none where no one input is."""
+    if search.refit is None or len(search.refit.inputs) != 1:
+        return []
+    return answered(search.problem, search.refit, dict(enumerate(search.best.fitted.residuals)))
 
 
 def mostly(answers: Sequence[bool]) -> bool:

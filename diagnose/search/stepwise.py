@@ -66,6 +66,7 @@ from firmloop.diagnose.search.harmless import as_identified
 from firmloop.diagnose.search.round import promising, screened, tried_beside
 from firmloop.diagnose.search.screen import Screened
 from firmloop.identify.fitting.noise import Noise, colored, flat, white
+from firmloop.identify.plants.plant import Plant
 from firmloop.identify.simulation.course import LONGEST_CHANGE
 
 Array = NDArray[np.float64]
@@ -73,10 +74,10 @@ Array = NDArray[np.float64]
 _SOUGHT = (MOMENT, ".periods_per_rev", ".periods_per_m")
 
 
-def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS) -> Search:
-    """Explain the train recordings of a problem by at most so many effects."""
+def search(problem: Problem, progress: Progress, most: int = MOST_EFFECTS, refit: Plant | None = None) -> Search:
+    """Explain the train recordings of a problem by at most so many effects; `refit` is theirs, where it is known."""
     progress(0.05, "refitting the nominal plant")
-    refit = as_identified(problem.plant, problem.train)
+    refit = refit or as_identified(problem.plant, problem.train)
     nominal = nominal_fit(problem, refit)
     if runaways(problem, nominal.fitted):
         problem = rescaled(problem, nominal.fitted.point.values)

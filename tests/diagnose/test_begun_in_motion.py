@@ -13,23 +13,15 @@ from firmloop.diagnose.data.checks import preflight
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
-from tests.diagnose.cases import lag_project
+from tests.diagnose.cases import black_box_project, lag_project
 
 LATE, STEP = 0.12, 0.01  # s
 PROJECT = lag_project("voltage_V", "speed_rad_s", 25.0, 0.3, ("a.csv", "b.csv"))
-STAGE = """schema = 1
-name = "stage"
-[recordings]
-train = ["step.csv"]
-[plant]
-kind = "linear_stage"
-input = "voltage_V"
-force_per_unit = 1.0
-outputs = ["speed_m_s"]
-[plant.parameters]
-mass_kg = { value = 8.0, free = true }
-b_N_s_m = { value = 20.0, free = true }
-"""
+STAGE = (
+    black_box_project("linear_stage", "voltage_V", "speed_m_s", ("step.csv",))
+    + "force_per_unit = 1.0\n[plant.parameters]\n"
+    + "mass_kg = { value = 8.0, free = true }\nb_N_s_m = { value = 20.0, free = true }\n"
+)
 
 
 def test_what_explains_them_is_written_however_far_off_it_is_from_rest(tmp_path: Path) -> None:

@@ -53,13 +53,14 @@ def _caught_up(plant: Plant, recording: Recording, values: Array, output: int) -
     That is by far more than it can be read to, about what the plant as fitted has moved meanwhile, and more than the
     reading moves in a row elsewhere. What does so again and again is read less often than it is logged.
     """
-    run = run_as_given(plant, recording)
     steps = np.abs(np.diff(values))
-    if run is None or not np.any(steps):
+    ends = np.flatnonzero(steps) + 1
+    stood = bool(np.any(np.diff(ends, prepend=0) >= _ROWS))
+    run = run_as_given(plant, recording) if stood else None  # a simulation, that most readings can do without
+    if run is None:
         return None
     usual = float(np.sort(steps)[-_AGAIN - 1]) if len(steps) > _AGAIN else 0.0
     least = max(_MOVES * float(np.ptp(run[:, output])), _COARSE * float(np.min(steps[steps > 0.0])), _ROW * usual)
-    ends = np.flatnonzero(steps) + 1
     found = []
     for begin, end in zip((0, *ends[:-1]), ends, strict=True):
         if end - begin < _ROWS or values[begin] == 0.0:

@@ -7,24 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.diagnose.cases import said_of
+from tests.diagnose.cases import black_box_project, said_of
 
 Array = NDArray[np.float64]
 
 STEP = 1e-3  # s
-WHEEL = """schema = 1
-name = "wheel"
-[recordings]
-train = ["up.csv", "down.csv", "step.csv"]
-[plant]
-kind = "rotary_stage"
-input = "voltage_V"
-torque_per_unit = 1.0
-outputs = ["speed_rad_s"]
-[plant.parameters]
-J_kg_m2 = { value = 0.03, free = true }
-b_N_m_s_rad = { value = 0.1, free = true }
-"""
+WHEEL = (
+    black_box_project("rotary_stage", "voltage_V", "speed_rad_s", ("up.csv", "down.csv", "step.csv"))
+    + "torque_per_unit = 1.0\n[plant.parameters]\n"
+    + "J_kg_m2 = { value = 0.03, free = true }\nb_N_m_s_rad = { value = 0.1, free = true }\n"
+)
 
 
 def turned(volts: Array) -> Array:
