@@ -106,6 +106,7 @@ IN_MOTION = 5.0  # and from which it moves
 # Probabilities and notes of a verdict.
 SOFT_EVIDENCE = 4.0  # evidence is halved twice before it becomes a probability: noise models are never quite right
 COUNTED_SAMPLES = 1.05  # scale over rms of a noise from which independent samples were counted: chance leaves some, too
+EVEN_CHANCE = 0.674  # deviations from nothing, within which an effect is as likely none
 HINT_OF_CHANCE = 0.999  # of chance, which a richer explanation has to beat to stand beside the best, below the noise
 WHITENESS_LAGS = 20  # over which whiteness is judged
 

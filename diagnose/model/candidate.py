@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.descent import SumOfSquares
-from firmloop.diagnose.model.fit import Fitted, evidence, fit, fit_starts, noises_of, past_kinks
+from firmloop.diagnose.model.fit import Fitted, evidence, fit, fit_starts, noises_of, past_kinks, strength
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem, entered, outputs_of
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import (
     ABSURD_COST,
     CLOSER_RMS,
+    EVEN_CHANCE,
     FAINT_SHARE,
     IMPOSSIBLE,
     MINOR_SHARE,
@@ -71,6 +72,11 @@ def rated(problem: Problem, fitted: Fitted) -> Candidate:
 def believable(fitted: Fitted) -> bool:
     """Tell whether every effect has values that are its own, none on a bound: that one only stands for another."""
     return all(_own(fitted, term) for term in fitted.terms)
+
+
+def likely(fitted: Fitted) -> bool:
+    """Tell whether every effect is believable, and by its own interval likelier something than nothing."""
+    return believable(fitted) and all(strength(fitted, term) > EVEN_CHANCE for term in fitted.terms)
 
 
 def _own(fitted: Fitted, term: LibraryTerm) -> bool:
@@ -142,9 +148,13 @@ def beyond_chance(mine: Sequence[Array], theirs: Sequence[Array]) -> bool:
 
 
 def larger(candidate: Candidate, base: Candidate) -> bool:
-    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output."""
+    """Tell whether an explanation leaves more than there was: whiter, but no better a prediction of any output.
+
+    Where a misfit counts, scores tell that.
+    """
     pairs = zip(candidate.noises, base.noises, strict=True)
-    return farther(candidate, base) and not any(mine.rms <= theirs.rms for mine, theirs in pairs)
+    worse = farther(candidate, base) and not any(mine.rms <= theirs.rms for mine, theirs in pairs)
+    return worse and not counts_misfit(candidate)
 
 
 def by_simulation_error(problem: Problem, begin: Fitted, beside: Array | None = None) -> Fitted:
@@ -261,6 +271,30 @@ def related(name: str) -> tuple[str, ...]:
 def contain(some: Collection[str], others: Collection[str]) -> bool:
     """Tell whether one of the first effects has one of the others as a special case."""
     return any(other in find_effect(name).contains for name in some for other in others)
+
+
+def worth_their_price(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Drop each explanation that wins less over another, which it has as a special case, than a richer effect must.
+
+    Only where it is a misfit that counts, as a few samples: every richer effect is then as good as the simple one.
+    """
+    return [
+        each
+        for each in candidates
+        if not counts_misfit(each)
+        or not any(_has_as_case(each, other) and not richer(each, other, 0.0) for other in candidates)
+    ]
+
+
+def counts_misfit(candidate: Candidate) -> bool:
+    """Tell whether what an explanation leaves counts as a few samples of a misfit: scores are simulation error."""
+    return any(noise.samples < 1.0 for noise in candidate.noises)
+
+
+def _has_as_case(one: Candidate, other: Candidate) -> bool:
+    mine, theirs = set(one.fitted.terms), set(other.fitted.terms)
+    gone, come = ([each.effect.name for each in terms] for terms in (mine - theirs, theirs - mine))
+    return len(gone) == len(come) == 1 and contain(gone, come)
 
 
 def simplest(candidates: Sequence[Candidate], without: float, least: float = RICHER_PRICE) -> Candidate:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import Candidate
+from firmloop.diagnose.model.candidate import Candidate, worth_their_price
 from firmloop.diagnose.model.descent import SumOfSquares
 from firmloop.diagnose.model.fit import inverse
 from firmloop.diagnose.model.hypothesis import Point, Problem
@@ -40,7 +40,7 @@ def rested(found: Search) -> Search:
             else candidate
         )
 
-    first = min(map(put_back, (best, *tied)), key=lambda each: each.score)
+    first = min(worth_their_price([*map(put_back, (best, *tied))]), key=lambda each: each.score)
     rounds = tuple(tuple(map(put_back, turn)) for turn in found.rounds)
     return replace(found, best=first, rounds=(*rounds, (put_back(best),)))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from firmloop.diagnose.model.candidate import Candidate, closer, contain
+from firmloop.diagnose.model.candidate import Candidate, closer, contain, likely, worth_their_price
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
 from firmloop.diagnose.policy import LEVELLED, LEVELLED_WITHIN
 from firmloop.diagnose.search.exchange import amounts_to
@@ -96,4 +96,5 @@ def as_near(search: Search, other: Candidate) -> bool:
 
 def standing(search: Search) -> tuple[Candidate, ...]:
     """Return other explanations with as many effects that simulate about as near as the best."""
-    return _one_each([each for each in _no_relatives(search) if as_near(search, each)])
+    near = [each for each in _no_relatives(search) if as_near(search, each) and likely(each.fitted)]
+    return _one_each([each for each in worth_their_price([search.best, *near]) if each is not search.best])

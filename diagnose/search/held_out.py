@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from firmloop.diagnose.model.batch_means import with_disturbances
 from firmloop.diagnose.model.candidate import (
     Candidate,
-    believable,
     beyond_chance,
     by_simulation_error,
     clearly_nearer,
+    likely,
     memories,
     residual_sizes,
 )
@@ -76,14 +76,15 @@ class _Part:
         bare = all(noise.rms < WIDER_RMS * noise.scale for noise in self.search.best.noises)
         least = NEARER_RMS if bare else CLOSER_RMS
         nearer = 0.0 < _ratio(self.left.figures) < least and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
-        return nearer and believable(self.search.best.fitted)
+        return nearer and likely(self.search.best.fitted)
 
 
 @dataclass(frozen=True, slots=True)
 class _Bench:
-    """What parts are held against."""
+    """What parts are held against; `before` is the fit that was searched, whose intervals are known."""
 
     refit: Simulations
+    before: Fitted
 
     @property
     def refit_rms(self) -> Array:
@@ -91,9 +92,15 @@ class _Bench:
         return self.refit.from_starts()
 
     def part(self, search: Search) -> _Part:
-        """Simulate what the best of a search is written as, and what is left out of its fit."""
+        """Simulate what the best of a search is written as, and what is left out of its fit.
+
+        The deviations of a fit made anew are widened to what slow disturbances leave of them.
+        """
+        best = search.best.fitted
+        if best.residuals is not self.before.residuals:
+            search = replace(search, best=replace(search.best, fitted=with_disturbances(search.problem, best)))
         rms = Simulations(improved_plant(search, search.best), self.refit.recordings).from_starts()
-        safe = believable(search.best.fitted) and no_worse(rms, self.refit_rms)
+        safe = likely(search.best.fitted) and no_worse(rms, self.refit_rms)
         seen = float(np.sqrt(np.mean((rms[1] / np.maximum(self.refit_rms[1], 1e-300)) ** 2)))
         return _Part(search, safe, self.left_out(search), seen if np.isfinite(seen) else 0.0)
 
@@ -146,12 +153,11 @@ def holding(found: Search, refit: Simulations) -> Kept:
     long as it is clearly nearer without; and those that may be none by their own intervals, unless it is nearer with
     them than by chance.
     """
-    bench, found = _Bench(refit), _as_simulated(found)
+    bench, found = _Bench(refit, found.best.fitted), _as_simulated(found)
     if not found.best.fitted.terms:
         return Kept(found, bench.left_out(found).figures)
     kept = _kept(found, bench)
-    kept = kept if kept.search is not None else _rival(found, bench) or kept
-    return kept if kept.search is None else kept._replace(search=_doubted(kept.search, found.best.fitted))
+    return kept if kept.search is not None else _rival(found, bench) or kept
 
 
 def _as_simulated(found: Search) -> Search:
@@ -166,7 +172,7 @@ def _as_simulated(found: Search) -> Search:
         return found
     tried, until = [_plainly(found, best.fitted).best], problem.engine.steps + EXCHANGE_PATIENCE
     for other in candidates_of(found):
-        if problem.engine.steps < until and believable((plain := _plainly(found, other.fitted).best).fitted):
+        if problem.engine.steps < until and likely((plain := _plainly(found, other.fitted).best).fitted):
             tried.append(plain)
     samples = sum(map(len, best.fitted.residuals)) / memories(tried[0].fitted.residuals)
     scores = [
@@ -181,14 +187,6 @@ def _as_simulated(found: Search) -> Search:
     values = len(tried[least].fitted.coordinates)
     beside = tuple(each for each in rated if each is not rated[least] and len(each.fitted.coordinates) <= values)
     return replace(found, best=rated[least] if least else best, rounds=(*rounds, beside))
-
-
-def _doubted(kept: Search, before: Fitted) -> Search:
-    """Widen the deviations of a fit made anew, not those of `before`, to what slow disturbances leave of them."""
-    fitted = kept.best.fitted
-    if fitted.residuals is before.residuals:
-        return kept
-    return replace(kept, best=replace(kept.best, fitted=with_disturbances(kept.problem, fitted)))
 
 
 def _rival(found: Search, bench: _Bench) -> Kept | None:

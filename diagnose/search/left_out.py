@@ -1,4 +1,4 @@
-"""Simulate what was left out of a fit: recordings of train in turn, or blocks of the only one."""
+"""Simulate what was left out of a fit: blocks of all recordings of train in turn, or whole ones."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.diagnose.model.candidate import creeps
 from firmloop.diagnose.model.fit import beside_scale, fit, fit_starts
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem
 from firmloop.diagnose.model.slopes import residual_of
@@ -73,7 +74,11 @@ def left_out(problem: Problem, explanations: Mapping[str, Contender], sizes: Seq
     known = {name: _certain_of(problem, problem.train, each, noises, 0)[1] for name, each in explanations.items()}
     given = {p.name: p.value for p in problem.plant.parameters}
     lefts: dict[str, list[Array]] = {name: [] for name in ("before", *explanations)}
-    for fold in _folds(problem):
+    # What lasts, or hardly repeats, may be how one run differs from the next, which blocks of all do not tell.
+    slow = any(
+        term.effect.lasting or creeps(term, each.values) for each in explanations.values() for term in each.terms
+    )
+    for fold in _folds(problem, slow):
         if engine.steps > until:
             break
         part = replace(problem, train=fold.rest, test=(), memory={}, hidden=fold.hidden)
@@ -97,26 +102,25 @@ def left_out(problem: Problem, explanations: Mapping[str, Contender], sizes: Seq
     return LeftOut(found, {name: tuple(parts) for name, parts in lefts.items()})
 
 
-def _folds(problem: Problem) -> list[_Fold]:
-    """Return what is left out in turn: recordings, or of the only one all blocks but the first."""
-    train = problem.train
-    if len(train) > 1:
-        lots = np.array_split(np.arange(len(train)), min(len(train), CROSS_FOLDS))
-        return [
-            _Fold(
-                tuple(each for k, each in enumerate(train) if k not in lot),
-                tuple(each for k, each in enumerate(train) if k in lot),
-                {},
-            )
-            for lot in lots
-        ]
-    (whole,) = train
-    rows = len(whole.time)
-    blocks = CROSS_FOLDS + 1  # the first tells where all begins
-    if rows < blocks * FEWEST_ROWS:
+def _folds(problem: Problem, whole: bool) -> list[_Fold]:
+    """Return what is left out in turn: all blocks of recordings but the first, or `whole` ones where one is short."""
+    train, blocks = tuple(problem.train), CROSS_FOLDS + 1  # the first tells where all begins
+    rows = [len(each.time) for each in train]
+    if min(rows) >= blocks * FEWEST_ROWS and (len(train) == 1 or not whole):
+        ends = [[k * count // blocks for k in range(1, blocks + 1)] for count in rows]
+        cuts = zip(*(pairwise(own) for own in ends), strict=True)
+        return [_Fold(train, train, {id(each): cut for each, cut in zip(train, own, strict=True)}) for own in cuts]
+    if len(train) == 1:
         return []
-    ends = [k * rows // blocks for k in range(1, blocks + 1)]
-    return [_Fold((whole,), (whole,), {id(whole): place}) for place in pairwise(ends)]
+    lots = np.array_split(np.arange(len(train)), min(len(train), CROSS_FOLDS))
+    return [
+        _Fold(
+            tuple(each for k, each in enumerate(train) if k not in lot),
+            tuple(each for k, each in enumerate(train) if k in lot),
+            {},
+        )
+        for lot in lots
+    ]
 
 
 def _certain_of(

@@ -22,6 +22,7 @@ from firmloop.diagnose.model.candidate import (
     rated,
     relieved,
     simplest,
+    worth_their_price,
 )
 from firmloop.diagnose.model.continuation import over_stretches, past_contacts
 from firmloop.diagnose.model.fit import Fitted, evidence, fit, noises_of
@@ -172,7 +173,8 @@ def levelled(found: Search) -> Search:
     near = near_best(found).values()
     every = sorted((best, *(_unwhitened(problem, each) for each in near)), key=lambda each: each.score)
     every += retied(problem, every[0], (*found.rounds, every))
-    return replace(found, best=min(every, key=lambda each: each.score), rounds=(*found.rounds, tuple(every)))
+    likeliest = min(worth_their_price(every), key=lambda each: each.score)
+    return replace(found, best=likeliest, rounds=(*found.rounds, tuple(every)))
 
 
 def _settled(problem: Problem, best: Candidate, gains: Sequence[float]) -> tuple[Candidate, tuple[Candidate, ...]]:

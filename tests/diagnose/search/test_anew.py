@@ -63,6 +63,7 @@ def test_friction_in_ramps_and_a_delay_in_a_step_are_found_behind_readings_that_
     assert said["verdict"] == "ambiguous"
     held = {each["name"]: each["parameters"] for each in said["effects"]}
     assert {"dead_zone", "coulomb_friction", "sensor_delay"} <= set(held)
+    assert not {"asymmetric_friction", "presliding_friction", "stribeck_friction"} & set(held)  # no better than Coulomb
     low, high = held["coulomb_friction"]["torque_N_m"]["ci95"]
     assert low < 0.7 < high
     low, high = held["sensor_delay"]["delay_s"]["ci95"]

@@ -14,6 +14,7 @@ from firmloop.diagnose.search.found import Search, candidates_of, standing
 from firmloop.diagnose.search.harmless import Simulations, as_identified
 from firmloop.diagnose.search.held_out import holding
 from firmloop.diagnose.search.simulation_error import misfits
+from firmloop.identify.plants.effects import find_effect
 from tests.diagnose.cases import concealed, nominal_of, problem_of, refitted, shortened, without_tests
 
 WRONG, RIGHT = "return_spring", "coulomb_friction"
@@ -25,6 +26,12 @@ def _tried(problem: Problem, nominal: Candidate, name: str) -> Candidate:
     _, begin = extended(nominal.fitted, term, problem.starts[term.label][0])
     fitted, _ = refitted(problem, term, begin, [noise.rms for noise in nominal.noises])
     return rated(problem, fitted)
+
+
+def _called_otherwise(candidate: Candidate) -> Candidate:
+    """Return what does just the same by another name."""
+    (term,) = candidate.fitted.terms
+    return replace(candidate, fitted=replace(candidate.fitted, terms=(replace(term, effect=find_effect(WRONG)),)))
 
 
 def _plain(problem: Problem) -> Simulations:
@@ -83,10 +90,22 @@ def test_what_was_fitted_from_several_starts_is_one_explanation(tmp_path: Path) 
     """Counted once a start, a runner-up had left less than half of the probability to what is right."""
     problem = problem_of(shortened(without_tests(concealed(tmp_path, RIGHT, 0.3, False))))
     nominal = nominal_of(problem)
-    right, other = _tried(problem, nominal, RIGHT), problem.term(WRONG)
-    assert other is not None
-    as_near = replace(right, fitted=replace(right.fitted, terms=(other,)))
+    right = _tried(problem, nominal, RIGHT)
+    as_near = _called_otherwise(right)
     behind = [replace(as_near, score=right.score + each) for each in (11.0, 12.0, 13.0)]
     found = Search(problem, nominal, right, (tuple(behind), (right,)), (), (nominal.score - right.score,))
     for beside in (standing(found), candidates_of(found)):
         assert [each.score for each in beside] == [right.score + 11.0]
+
+
+@pytest.mark.parametrize(("share", "beside"), [(1.0, 1), (1e-9, 0)])
+def test_what_is_as_likely_nothing_by_its_own_interval_stands_beside_no_explanation(
+    share: float, beside: int, tmp_path: Path
+) -> None:
+    problem = problem_of(shortened(without_tests(concealed(tmp_path, RIGHT, 0.3, False))))
+    nominal = nominal_of(problem)
+    right = _tried(problem, nominal, RIGHT)
+    near = _called_otherwise(right)
+    unsure = replace(near, fitted=replace(near.fitted, normal=share * near.fitted.normal), score=right.score + 5.0)
+    found = Search(problem, nominal, right, ((right, unsure),), (), (nominal.score - right.score,))
+    assert len(standing(found)) == beside
