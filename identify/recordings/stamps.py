@@ -29,6 +29,7 @@ _SWAPPED = 50  # places that a logger, or a network, puts a row too early or too
 _DOWN = 0.5  # of the steps: a clock that falls more often than it rises counts down
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
 _CHANGES = 10  # of a stamp that say enough of the period
+_ON_GRID = 1e-3  # of a row: what is left of printed decimals by their binary fractions
 _LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
 _USUAL, _AWAY = 0.95, 4.0  # share of a signal's steps that are usual ones; how many it is away by that has moved
 _EVEN = 0.01  # of its step: what rises so evenly is a clock, and no signal with noise
@@ -68,21 +69,22 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
         raise IdentifyError(f"{plain}: time must rise; {_copies(stuck)}")
     period = _even_period(time)
     many = len(stuck) > max(2, _SHARE * len(time))
-    lost = f"{plain}: the time column has lost digits: {len(stuck)} of {len(time)} stamps repeat"
-    if many and period is not None:
-        usual, low, high = period
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.001
+    repeat = "repeats" if len(stuck) == 1 else "repeat"
+    lost = f"{plain}: the time column has lost digits: {len(stuck)} of {len(time)} stamps {repeat}"
+    if period is not None and (many or _leapt_too(time, stuck + 1, usual)):
+        each, low, high = period
         unsure = f" ({low:.4g} to {high:.4g} s by the stamps: write the one that was set)" if high > 1.01 * low else ""
         raise IdentifyError(
-            f"{lost}, but the rows are even, {usual:g} s apart{unsure}. Keep every row and give the period; time_s of "
+            f"{lost}, but the rows are even, {each:g} s apart{unsure}. Keep every row and give the period; time_s of "
             "the file is then left aside",
-            f"[recordings]\nperiod_s = {usual!r}\nstart_s = {float(time[0])!r}",
+            f"[recordings]\nperiod_s = {each!r}\nstart_s = {float(time[0])!r}",
         )
     if many:
         raise IdentifyError(
             f"{lost} with different readings, and the rows are not even, so that no period gives them back; time must "
             "rise: record it with more digits, or as a counter of microseconds"
         )
-    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.001
     raise IdentifyError(
         f"{plain}: time must rise; the readings of both rows differ, so that "
         f"{_stamps_or_rows(time, stuck + 1, usual, 'correct it')}",
@@ -246,6 +248,18 @@ def _stamps_or_rows(time: Array, wrong: NDArray[np.intp], usual: float, cure: st
     return f"{'one stamp is' if many == 1 else f'{many} stamps are'} wrong: {cure}"
 
 
+def _leapt_too(time: Array, again: NDArray[np.intp], usual: float) -> bool:
+    """Tell whether the stamps without those that come `again` keep to a grid as wide as a row, and leap over places.
+
+    Even rows, rounded to such a grid, repeat one of its places and leap over another; one wrong stamp does so in two
+    rows, and leaves the rest where the clock has it.
+    """
+    if _period_lines(time, again, usual):
+        return False
+    places = np.diff(np.delete(time, again)) / usual
+    return bool(np.all(np.abs(places - np.round(places)) < _ON_GRID) and np.max(places) > 1.5)
+
+
 def _period_lines(time: Array, wrong: NDArray[np.intp], usual: float) -> str:
     """Return the lines that give the rows an even period; blank where that would move the rows not `wrong` in time."""
     kept = np.delete(np.arange(len(time)), wrong)
@@ -276,7 +290,8 @@ def _wrap(time: Array, steps: Array, usual: float, count: float, goes_on: bool) 
 
     It is a power of two of its ticks; or the end of a minute, an hour, a day or a week, of a decimal counter, or of one
     of processor cycles: then the first row is not where such a clock begins, as a recording would. Of several the one
-    that puts the row after it where an even clock has it; only where none does, the nearest power of two.
+    that puts the row after it where an even clock has it; only where none does, the nearest power of two that makes
+    no longer step than the others are: a clock that leaps farther there begins anew.
     """
     falls, begins = steps[steps < 0.0], time[1:][steps < 0.0]
     even = _evenness(time, steps, usual)
@@ -287,7 +302,8 @@ def _wrap(time: Array, steps: Array, usual: float, count: float, goes_on: bool) 
     if begun or not anew or goes_on:
         tables += [({**_PRESCALED, **_CYCLES, **_DECIMAL, **_CALENDAR}, even)]
     if not anew or goes_on:  # what begins as the file does is another recording, unless its clock goes on to the row
-        tables += [(powers, 0.5 * usual if anew else (_STRETCH - 1.0) * usual)]
+        longest = max(0.5 * usual, float(steps.max()) - usual)  # the step across the end is like the others
+        tables += [(powers, 0.5 * usual if anew else longest)]
     if begun:
         tables += [({**_CYCLES, **_DECIMAL, **_CALENDAR}, 0.5 * usual)]
     for table, loose in tables:

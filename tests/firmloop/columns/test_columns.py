@@ -111,6 +111,10 @@ STANDS: dict[str, tuple[list[str], str]] = {
         [f"{k * 0.5 % 60.0:.1f},{VOLT[k % 60]:.9g},1" for k in range(240)],
         "holds 2 recordings: split it before line 122",
     ),
+    "two runs with a pause, the clock anew a moment after": (
+        [f"{k % 480 * 0.00208 + k // 480 * 0.0027:.6f},{k / 480:.9g},1" for k in range(960)],
+        "holds 2 recordings: split it before line 482",
+    ),
     "one stamp 0": ([*ROWS[:20], f"0,{ROWS[20].partition(',')[2]}", *ROWS[21:]], "one stamp is wrong"),
     "one stamp without its point": ([*ROWS[:20], ROWS[20].replace(".", "", 1), *ROWS[21:]], "one stamp is wrong"),
     "one stamp wrong": ([*ROWS[:20], f"0.95,{ROWS[20].partition(',')[2]}", *ROWS[21:]], "one stamp is wrong"),
@@ -229,6 +233,19 @@ def test_a_file_without_time_takes_the_period(bench: Callable[..., tuple]) -> No
     status, _, said = bench(content)
     assert status == 2 and "period_s" in said
     status, columns, said = bench(content, "period_s = 0.05\nstart_s = 0")
+    assert status == 0, said
+    alike(columns)
+
+
+def test_a_stamp_that_repeats_on_a_grid_as_wide_as_a_row_is_a_digit_lost(bench: Callable[..., tuple]) -> None:
+    stamps = np.arange(60)
+    stamps[19:] += 1  # the rows drift by half a place and back
+    stamps[30:] -= 1
+    stamps[47:] += 1
+    rows = [f"{stamp * 0.05:.2f},{row.partition(',')[2]}" for stamp, row in zip(stamps, ROWS, strict=True)]
+    status, _, said = bench("\n".join([HEADER, *rows, ""]))
+    assert status == 2 and "has lost digits: 1 of 60 stamps repeats, but the rows are even, 0.05 s apart" in said, said
+    status, columns, said = bench("\n".join([HEADER, *rows, ""]), pasted(said))
     assert status == 0, said
     alike(columns)
 
