@@ -39,7 +39,8 @@ from firmloop.diagnose.search.run_to_run import differing
 from firmloop.diagnose.search.stepwise import search
 from firmloop.diagnose.search.wrap_range import regauged
 from firmloop.diagnose.sentences import measured_too
-from firmloop.diagnose.verdict import judge, spoiled, withheld
+from firmloop.diagnose.verdict import judge, spoiled
+from firmloop.diagnose.withheld import withheld
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.noise import oversized, white
 from firmloop.identify.plants.plant import Plant

@@ -22,6 +22,7 @@ from firmloop.identify.fitting.own_values import fit_start, own_start, placed_st
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.signal import Signal
 from firmloop.identify.simulation.simulate import constants_of, measured, simulate
 
 Array = NDArray[np.float64]
@@ -110,10 +111,33 @@ def harmless(written: Simulations, refit: Simulations, starts: Sequence[Start] =
     return not harmed(written, refit, starts)
 
 
-def harmed(written: Simulations, refit: Simulations, starts: Sequence[Start] = EVERYWHERE) -> tuple[str, ...]:
-    """Return the files of the recordings some output of which a plant simulates worse than the refit."""
-    worse = _worse(written.from_starts(starts), refit.from_starts(starts))
-    return tuple(each.source for each, far in zip(written.recordings, worse, strict=True) if far)
+@dataclass(frozen=True, slots=True)
+class Harm:
+    """An output of a recording that a plant simulates worse than the refit; rms in its unit, infinite if it fails."""
+
+    source: str
+    output: Signal
+    begun: str
+    refit: float
+    written: float
+
+
+def harmed(written: Simulations, refit: Simulations, starts: Sequence[Start] = EVERYWHERE) -> tuple[Harm, ...]:
+    """Return what a plant simulates worse than the refit, of each output of a recording where it is the worst."""
+    ours, plain = written.from_starts(starts), refit.from_starts(starts)
+    worse, found = _worse(ours, plain), []
+    for k, recording in enumerate(written.recordings):
+        for column, signal in enumerate(written.plant.outputs):
+            begins = np.flatnonzero(worse[:, k, column])
+            if not len(begins):
+                continue
+            with np.errstate(divide="ignore"):  # of a refit that meets all
+                more = ours[begins, k, column] / plain[begins, k, column]
+            at = int(begins[np.argmax(more)])
+            begun = "begun where its readings say" if starts[at] is as_recorded else "from rest"
+            misses = (float(each[at, k, column]) for each in (plain, ours))
+            found.append(Harm(recording.source, signal, begun, *misses))
+    return tuple(found)
 
 
 def no_worse(rms: Array, refit: Array) -> bool:
@@ -126,9 +150,9 @@ def no_worse(rms: Array, refit: Array) -> bool:
 
 
 def _worse(rms: Array, refit: Array) -> NDArray[np.bool_]:
-    """Tell of each recording (recordings,) whether a plant leaves more of it than the refit, see `no_worse`."""
+    """Tell what of all starts, recordings and outputs a plant leaves more of than the refit, see `no_worse`."""
     moving = np.any(CLOSER_RMS * refit > refit[-1], axis=2, keepdims=True)
-    return np.asarray(np.any(~((rms <= SAME_RMS * refit) | moving), axis=(0, 2)))
+    return np.asarray(~((rms <= SAME_RMS * refit) | moving))
 
 
 def same_function(problem: Problem, fitted: Fitted) -> tuple[Fitted, ...]:

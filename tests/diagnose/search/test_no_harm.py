@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -151,7 +152,9 @@ def test_a_ripple_whose_angle_nobody_reads_is_named_and_the_project_stays_the_re
     motor = single_case(10, "torque_ripple", BY_NAME["small_motor"], ("speed", "current"), "prbs", False, 1.0)
     said = said_of(without_tests(shortened(written(tmp_path, motor), 1200)))
     assert (said["verdict"], [each["name"] for each in said["effects"]]) == ("explained", ["torque_ripple"])
-    assert any(line.startswith("The written project is the plain refit") for line in said["says"])
+    stays = next(line for line in said["says"] if line.startswith("The written project is the plain refit"))
+    figures = re.findall(r"_\w+ by ([\d.e-]+) \S+ rms (?:from rest|begun .*?), the refit by ([\d.e-]+) ", stays)
+    assert figures and all(float(ours) > float(refit) for ours, refit in figures), stays
     for figures in said["simulation_rms"]["train"].values():
         assert figures["after"] == figures["refit"]
     for figures in said["simulation_rms"]["cross"].values():
