@@ -73,7 +73,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("search",),
         ("discrepancy", "controller"),
         ("completion", "sentences"),
-        ("given_values", "verdict"),
+        ("given_values", "verdict", "withheld"),
         ("run",),
     ),
     "firmloop": (
