@@ -45,7 +45,7 @@ def paragraph(
         )
     elif finding.verdict == "unknown_physics":
         follows = (
-            f" It follows {shape.coordinate} in the {_balance(search.problem.plant, shape.balance)}."
+            f" It follows {shape.coordinate} in the {balance_told(search.problem.plant, shape.balance)}."
             if shape is not None
             else ""
         )
@@ -207,16 +207,19 @@ def _about_disturbance(plant: Plant, finding: Finding, missed: float) -> list[st
             )
         said.append(
             f"Left beside the white noise of the sensors: as much as a disturbance of {size} in the "
-            f"{_balance(plant, name)} makes{share}{meant}."
+            f"{balance_told(plant, name)} makes{share}{meant}."
         )
     return said
 
 
-def _balance(plant: Plant, name: str) -> str:
+def turns(plant: Plant) -> bool:
+    """Tell whether a plant turns or moves something; a lag does where its output is called so."""
+    return plant.delay is None or plant.outputs[0].name.partition("_")[0] in ("speed", "position")
+
+
+def balance_told(plant: Plant, name: str) -> str:
     """Name a balance; that of a lag that turns nothing and moves nothing by its output."""
-    output = plant.outputs[0].name
-    moving = plant.delay is None or output.partition("_")[0] in ("speed", "position")
-    return f"{name} balance" if moving else f"balance of {output}"
+    return f"{name} balance" if turns(plant) else f"balance of {plant.outputs[0].name}"
 
 
 def _percent(share: float) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import scipy
@@ -44,12 +43,13 @@ from firmloop.diagnose.search.found import Search, as_near, candidates_of, riche
 from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
-from firmloop.diagnose.sentences import paragraph
+from firmloop.diagnose.sentences import balance_told, paragraph, turns
 from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import acts_at, parameters_of
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.units import stem_of
 
 Array = NDArray[np.float64]
 
@@ -128,22 +128,6 @@ def spoiled(finding: Finding) -> Finding:
     test = None if finding.test is None else replace(finding.test, after=finding.test.refit)
     none = replace(finding, effects=(), alternatives=(), train=train, test=test)
     return replace(none, verdict="unknown_physics", says=(said, *others))
-
-
-def withheld(finding: Finding, harmed: Mapping[str, Sequence[str]]) -> Finding:
-    """Return the finding where its explanation simulates files `harmed`, of "train" or "test", worse than the refit."""
-    if names := [Path(each).name for each in harmed["train"]]:
-        why = (
-            f"begun where the readings of {', '.join(names)} say, what explains it leads a simulation further off, as "
-            "where a start that is read a hair off ends elsewhere."
-        )
-    else:
-        names = [Path(each).name for each in harmed["test"]]
-        why = (
-            f"what explains the train recordings simulates {', '.join(names)} worse. Something differs between these "
-            "recordings; take one more like that into train."
-        )
-    return replace(finding, says=(f"The written project is the plain refit: {why}", *finding.says))
 
 
 def _verdict(search: Search, shape: Shape | None, read: Sequence[Direct]) -> tuple[Verdict, tuple[Candidate, ...]]:
@@ -282,8 +266,13 @@ def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability:
         interval = interval_of(each, value, reach, sure)
         estimates[each.name] = Estimate(value, interval, each.unit)
     place = term.place_told(problem.plant)
+    # What moves a lag is in its output's unit, whatever the name says that the effect has on an axis.
+    lagging = problem.plant.delay is not None and term.effect.place == "torque"
+    if lagging and not turns(problem.plant):
+        place = balance_told(problem.plant, "torque")
     says = f"{term.effect.says.rstrip('.')}" + (f" ({place})" if place else "")
-    figures = ", ".join(f"{name} {_with_interval(each)}" for name, each in estimates.items())
+    names = {name: stem_of(name) if lagging and stem_of(name) else name for name in estimates}
+    figures = ", ".join(f"{names[name]} {_with_interval(each)}" for name, each in estimates.items())
     return Named(
         term.effect.name,
         term.output,

@@ -13,7 +13,7 @@ from firmloop.identify.plants.effects import applies, candidates, find_effect, s
 from firmloop.identify.plants.further_states import with_states
 from firmloop.identify.plants.plant import EffectUse, Parameter, Plant
 from firmloop.identify.signal import Signal
-from firmloop.identify.units import ending_of, unit_of
+from firmloop.identify.units import carried_unit, ending_of, unit_of
 
 _EXAMPLES = {  # entries of [plant.balances]
     "torque": 'kind = "torque", per = "1/J_kg_m2", position = "POSITION"',
@@ -67,6 +67,7 @@ def site_of(plant: Plant, effect: Effect, output: str | None, at: str | None = N
         level_unit=state.unit if state is not None and effect.place == "flow" else "",
         balance=balance,
         lag=plant.balances[balance].state + 1 if plant.delay is not None and balance >= 0 else 0,
+        lag_unit=plant.outputs[0].unit or carried_unit(outputs[0]),
     )
 
 

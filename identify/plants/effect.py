@@ -53,6 +53,7 @@ class Site:
     level_unit: str
     balance: int  # in plant.balances, -1 for none
     lag: int = 0  # order of a lag, where what moves the plant is in the output's unit: a speed, or of two a position
+    lag_unit: str = ""  # that unit; blank where nobody says
 
     @property
     def force(self) -> str:
@@ -62,8 +63,31 @@ class Site:
     def force_per(self, travels: int, seconds: int = 0) -> str:
         """Return the unit of what moves the plant, times s^seconds / travel^travels."""
         if self.lag:
-            return _unit({"s": seconds + self.lag - 2, self.travel: 1 - travels})
+            return self._lagging(1 - travels, seconds + travels * (self.lag - 2))
         return _unit({"N": 1, "m": int(self.rotary), "s": seconds} | {"rad" if self.rotary else "m": -travels})
+
+    @property
+    def travel_unit(self) -> str:
+        """Unit of the way."""
+        return self._lagging(1, 2 - self.lag) if self.lag else self.travel
+
+    @property
+    def speed_unit(self) -> str:
+        """Unit of the speed."""
+        return self._lagging(1, 1 - self.lag) if self.lag else f"{self.travel}/s"
+
+    def _lagging(self, outputs: int, seconds: int) -> str:
+        """Return the unit of a lag's output^outputs s^seconds; blank where that of the output counts and is unknown."""
+        if outputs and not self.lag_unit:
+            return ""
+        powers: dict[str, int] = {}
+        for k, part in enumerate(self.lag_unit.split("/")):
+            for factor in part.split("*") if outputs else ():
+                name, _, size = factor.partition("^")
+                power = (int(size) if size.isdigit() else 1) * (-outputs if k else outputs)
+                powers[name] = powers.get(name, 0) + power
+        powers["s"] = powers.get("s", 0) + seconds
+        return _unit({name: power for name, power in powers.items() if name != "1"})
 
     @property
     def load(self) -> str:

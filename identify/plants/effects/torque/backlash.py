@@ -19,7 +19,7 @@ def _flanks(reduced: float, tone: float) -> tuple[float, float]:
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
     return (
-        shape(f"gap_{site.travel}", site.travel, 1.0),
+        shape(f"gap_{site.travel}", site.travel_unit, 1.0),
         size(site.load, site.load_unit),
         EffectParameter(f"stiffness_{site.stiffness}", site.force_per(1), 0.0, math.inf, 0.0, True, 0.0),
         damping(site),

@@ -16,7 +16,7 @@ _EARLIEST = 0.1  # of the way to that side: no stop comes before
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
     return (
-        signed(f"position_{site.travel}", site.travel),
+        signed(f"position_{site.travel}", site.travel_unit),
         size(f"stiffness_{site.stiffness}", site.force_per(1)),
         damping(site),
     )

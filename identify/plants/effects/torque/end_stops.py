@@ -15,8 +15,8 @@ _EARLIEST = 0.1  # of the whole way: no stops are nearer to one another
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
     return (
-        signed(f"low_{site.travel}", site.travel),
-        signed(f"high_{site.travel}", site.travel),
+        signed(f"low_{site.travel}", site.travel_unit),
+        signed(f"high_{site.travel}", site.travel_unit),
         size(f"stiffness_{site.stiffness}", site.force_per(1)),
         damping(site),
     )

@@ -16,7 +16,7 @@ def parameters(site: Site) -> tuple[EffectParameter, ...]:
     return (
         size(f"coulomb_{site.effort}", site.force),
         size(f"static_{site.effort}", site.force),
-        shape("stribeck_rad_s" if site.rotary else "stribeck_m_s", f"{site.travel}/s", 1.0),
+        shape("stribeck_rad_s" if site.rotary else "stribeck_m_s", site.speed_unit, 1.0),
     )
 
 

@@ -1,0 +1,44 @@
+"""What a diagnosis says of a lag that is no axis: nothing of it is in torques or in rad/s."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmloop.identify.recordings.recording import make_recording, write_recording
+from tests.diagnose.cases import said_of
+
+TANK = """schema = 1
+name = "tank"
+[recordings]
+train = ["train.csv"]
+[plant]
+kind = "first_order"
+input = "pump_V"
+outputs = ["OUTPUT"]
+[plant.parameters]
+gain = { value = 8.0, free = true }
+time_constant_s = { value = 4.0, free = true }
+delay_s = { value = 0.0, free = false }
+"""
+
+
+@pytest.mark.parametrize(("output", "unit"), [("level_cm", " cm"), ("level", "")])
+def test_what_opposes_a_level_is_in_its_unit(output: str, unit: str, tmp_path: Path) -> None:
+    rng, step = np.random.default_rng(7), 0.05
+    drive = np.repeat(rng.uniform(3.0, 9.0, 15), 60)
+    level = np.zeros(len(drive))
+    for k in range(len(drive) - 1):  # the pump gives nothing below 2 V
+        level[k + 1] = level[k] + step / 4.0 * (8.0 * (drive[k] - 2.0) - level[k])
+    columns = {"pump_V": drive, output: level + 0.2 * rng.standard_normal(len(level))}
+    write_recording(make_recording(step * np.arange(len(level)), columns, "train.csv", ""), tmp_path / "train.csv")
+    (tmp_path / "project.toml").write_text(TANK.replace("OUTPUT", output), encoding="utf-8")
+    said = said_of(tmp_path / "project.toml")
+    told = " ".join(said["says"])
+    assert "load_torque" in told and "rad" not in told and "N_m" not in told
+    load = next(each for each in said["effects"] if each["name"] == "load_torque")
+    assert re.search(rf"\(balance of {output}\): torque [\d.-]+ ± [\d.e-]+{unit}\.( |$)", told)
+    assert load["parameters"]["torque_N_m"]["unit"] == unit.strip()
