@@ -17,6 +17,7 @@ from firmloop.identify.plants.kinds import free_scale
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.recordings.stillness import moves
+from firmloop.identify.simulation.at_rest import switched_on
 from firmloop.identify.simulation.linear_filter import integrated
 from firmloop.identify.simulation.simulate import course_of, drive_of, measured, simulator
 
@@ -126,11 +127,18 @@ def _held(plant: Plant, recording: Recording, every: Sequence[Recording]) -> lis
 
     Where those of other recordings stand at another level, each is a step that begins with its recording.
     """
-    if not by_itself(plant, recording) or any(steps_apart(plant, every)):
+    drive = drive_of(plant, recording)
+    if np.any(np.ptp(drive, axis=0)) or any(steps_apart(plant, every)):
         return []
-    first = course_of(plant, recording).drive[0]
-    said = ", ".join(f"{one.name} is {value:g}" for one, value in zip(plant.inputs, first, strict=True))
-    return [f"{recording.source}: {said} in every row; what moves there is taken to move by itself"]
+    pairs = zip(plant.inputs, course_of(plant, recording).drive[0], strict=True)
+    said = f"{recording.source}: {', '.join(f'{one.name} is {value:g}' for one, value in pairs)} in every row"
+    if not np.any(drive):
+        return [f"{said}; what moves there is taken to move by itself"]
+    begins = "from rest" if switched_on(plant, recording) else "where the readings say"
+    return [
+        f"{said}, so that the step itself is not in the file: it is taken to come with the first row, and what moves "
+        f"to begin there {begins}; when it was switched on, and how fast, only a recording that begins before tells"
+    ]
 
 
 def _clock(recording: Recording) -> list[str]:

@@ -42,3 +42,15 @@ def test_what_opposes_a_level_is_in_its_unit(output: str, unit: str, tmp_path: P
     load = next(each for each in said["effects"] if each["name"] == "load_torque")
     assert re.search(rf"\(balance of {output}\): torque [\d.-]+ ± [\d.e-]+{unit}\.( |$)", told)
     assert load["parameters"]["torque_N_m"]["unit"] == unit.strip()
+
+
+@pytest.mark.parametrize("begins", [0.0, 5.0])
+def test_a_step_that_begins_with_its_recording_does_not_move_by_itself(begins: float, tmp_path: Path) -> None:
+    time = 0.05 * np.arange(400)
+    level = 48.0 + (begins - 48.0) * np.exp(-time / 4.0) + 0.02 * np.random.default_rng(3).standard_normal(len(time))
+    columns = {"pump_V": 6.0 + 0.0 * time, "level_cm": level}
+    write_recording(make_recording(time, columns, "train.csv", ""), tmp_path / "train.csv")
+    (tmp_path / "project.toml").write_text(TANK.replace("OUTPUT", "level_cm"), encoding="utf-8")
+    (note,) = said_of(tmp_path / "project.toml")["notes"]
+    assert "train.csv: pump_V is 6 in every row, so that the step itself is not in the file" in note
+    assert ("begin there from rest" in note) == (begins == 0.0) and "by itself" not in note

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -34,13 +35,25 @@ def still(values: Array) -> Array:
     return 3.0 + 0.01 * np.random.default_rng(1).normal(size=len(values))
 
 
-def test_an_input_that_never_changes_is_noted_where_something_moves(bench: tuple[Plant, Recording, Recording]) -> None:
+@pytest.mark.parametrize(
+    ("level", "moving", "says"),
+    [
+        (3.0, True, "3 in every row, so that the step itself is not in the file: .* to begin there where the readings"),
+        (3.0, False, "3 in every row, so that the step itself is not in the file: .* to begin there from rest"),
+        (0.0, True, "0 in every row; what moves there is taken to move by itself"),
+    ],
+)
+def test_an_input_that_never_changes_is_noted_where_something_moves(
+    level: float, moving: bool, says: str, bench: tuple[Plant, Recording, Recording]
+) -> None:
     plant, train, _ = bench
     fast = int(np.argmax(np.abs(train.columns["speed_rad_s"])))
-    moving = {name: np.roll(values, -fast) for name, values in train.columns.items()}
-    coasting = make_recording(train.time, {**moving, "voltage_V": 0.0 * train.time + 3.0}, "coast.csv", "")
+    held = {name: np.roll(values, -fast) if moving else values for name, values in train.columns.items()}
+    if not moving:
+        held = {name: values - values[0] for name, values in held.items()}
+    coasting = make_recording(train.time, {**held, "voltage_V": 0.0 * train.time + level}, "coast.csv", "")
     notes = preflight(plant, [train, coasting], []).notes
-    assert any("coast.csv: voltage_V is 3 in every row" in note for note in notes)
+    assert any(re.match(f"coast.csv: voltage_V is {says}", note) for note in notes), notes
 
 
 def test_inputs_held_at_another_level_in_each_recording_are_steps(bench: tuple[Plant, Recording, Recording]) -> None:
