@@ -119,7 +119,7 @@ def _answered(output: Array, rows: Rows, late: float, more: float) -> bool:
 
 
 def _leaps(values: Array, drives: Sequence[Array]) -> Rows:
-    """Return the rows that leap away and back by more than what all the others span; a number that stays is one."""
+    """Return the rows that leap away and back by more than what all the others span, or alone; what stays is one."""
     first = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
     kept = values[first]
     there, back = kept[1:-1] - kept[:-2], kept[1:-1] - kept[2:]
@@ -142,7 +142,7 @@ def _leaps(values: Array, drives: Sequence[Array]) -> Rows:
     few = np.cumsum(ends - ranked) <= most
     found = np.flatnonzero(few & (np.minimum.accumulate(leap[ranked]) > highest - lowest))
     if not len(found):
-        return _NONE
+        return _alone(kept, first, leap) if drives else _NONE
     return np.sort(np.concatenate([np.arange(ranked[k], ends[k]) for k in range(int(found[-1]) + 1)]))
 
 
@@ -160,6 +160,24 @@ def _same_number(values: Array, leap: Array, first: Rows) -> Rows:
         return _NONE
     ends = np.append(first[1:], len(values))[np.searchsorted(first, found)]
     return np.concatenate([np.arange(*run) for run in zip(found, ends, strict=True)])
+
+
+def _alone(kept: Array, first: Rows, leap: Array) -> Rows:
+    """Return the rows that leap away and back `_FARTHEST` times as far as any two other readings are apart.
+
+    A fast motion shows in the rows around it: of a bounce the rows before and behind are as far apart. `kept` are the
+    readings that differ from the one before, and `first` their rows.
+    """
+    rows = np.diff(np.append(first, len(leap)))
+    alone = np.where(rows <= np.median(rows), leap[first], 0.0)  # one that stays for longer may be a rest
+    ranked = np.argsort(-alone)[: int(_MOST * len(kept))]
+    steps = np.abs(np.diff(kept))
+    found = 0
+    for count, run in enumerate(ranked, 1):
+        steps[max(run - 1, 0) : run + 1] = 0.0  # to it and from it
+        if alone[run] > _FARTHEST * np.max(steps) > 0.0:
+            found = count
+    return np.sort(np.concatenate([_NONE, *(np.arange(first[run], first[run] + rows[run]) for run in ranked[:found])]))
 
 
 def _beside(kept: Array, ranked: Rows, extreme: np.ufunc) -> Array:

@@ -55,6 +55,17 @@ def test_readings_that_failed_are_told_though_others_come_near(
     assert all(word in said for word in words)
 
 
+@pytest.mark.parametrize("verb", ["identify", "diagnose"])
+def test_a_reading_alone_among_others_of_its_size_is_told(
+    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = changed(swing(np.random.default_rng(5)), level=lambda v: put([np.argmin(v)], 0.0)(v))
+    project = written(tmp_path / "log", made) / "project.toml"
+    assert main([verb, str(project), "--out", str(tmp_path / "out")]) == (0 if verb == "identify" else 2)
+    said = capsys.readouterr()
+    assert "a reading that failed, for no other is leapt to" in said.out + said.err
+
+
 @pytest.mark.parametrize("rows", [[0], [0, 377, 811]])
 def test_the_value_that_a_thermometer_begins_with_is_no_temperature(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], rows: list[int]
@@ -71,7 +82,7 @@ def test_the_value_that_a_thermometer_begins_with_is_no_temperature(
 
 
 @pytest.mark.parametrize(
-    "sound", [lambda v: v, lambda v: np.round(v, 1), lambda v: np.round(v), lambda v: np.clip(v, -4.0, 4.0)]
+    "sound", [lambda v: v, lambda v: np.round(v, 1), lambda v: np.round(v), lambda v: np.clip(v, -4.0, 4.0), np.abs]
 )
 def test_coarse_and_noisy_readings_are_none_that_failed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], sound: Callable[[Array], Array]
