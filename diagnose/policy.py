@@ -216,6 +216,8 @@ MOST_KINK_SOLVES = 100  # solves of a few steps each
 
 # What has no name: the shapes it may have.
 WORST_SPANS = 3  # of a recording that a finding names
+FEW_ROWS = 0.01  # of all: readings that failed are rarely more, as `identify` has it
+MOST_OF_IT = 0.5  # of the squares of what is missed, from which a finding says that a few rows hold it
 SHORTEST_SPAN_S = 0.05  # s; spans shorter than that are not told apart
 MOST_SMOOTHED_ROWS = 20_000  # a longer recording is smoothed up to here
 MOST_WEIGHED_ROWS = 4000  # of all recordings, by which it is weighed how quickly disturbances move

@@ -14,7 +14,7 @@ from firmloop.diagnose.data.checks import Preflight
 from firmloop.diagnose.data.quantization import Direct
 from firmloop.diagnose.discrepancy.disturbance import rivals_noise
 from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs
-from firmloop.diagnose.discrepancy.locate import worst_spans
+from firmloop.diagnose.discrepancy.locate import gathered, worst_spans
 from firmloop.diagnose.finding import Alternative, Estimate, Finding, Location, Named, Ratio, Shift, Verdict
 from firmloop.diagnose.model.candidate import Candidate, larger, relative, residual_sizes, unseen_residuals, without
 from firmloop.diagnose.model.fit import beside_scale, deviations, fit, fit_starts, noises_of, strength
@@ -81,7 +81,7 @@ def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Findi
     effects = (*_named(search, shown, verdict, candidates), *(_read_off(search.problem, each) for each in read))
     untestable = {**checks.untestable, **_unseen_here(search, shown)}
     others = _alternatives(search, shown, candidates) if verdict in ("explained", "unknown_physics") else ()
-    location = None if verdict == "no_mismatch" else _location(search, noises, shape, read)
+    location = None if verdict == "no_mismatch" else _location(search, noises, shape, read, verdict)
     shifts = _shifts(search, shown)
     white = (
         whiteness(_innovations(search.nominal.fitted.residuals, noises), WHITENESS_LAGS),
@@ -326,7 +326,9 @@ def _law(shape: Shape | None) -> tuple[tuple[float, float], ...]:
     return tuple((float(at), float(term)) for at, term in shape.points)
 
 
-def _location(search: Search, noises: Sequence[Noise], shape: Shape | None, read: Sequence[Direct]) -> Location:
+def _location(
+    search: Search, noises: Sequence[Noise], shape: Shape | None, read: Sequence[Direct], verdict: Verdict
+) -> Location:
     output, spans, size = worst_spans(search, noises)
     if shape is not None:
         equation, coordinate = shape.balance, shape.coordinate
@@ -341,6 +343,8 @@ def _location(search: Search, noises: Sequence[Noise], shape: Shape | None, read
     evidence = f"the refitted nominal plant misses {output} by {size:.1f} times the noise" + (
         f" at {where}" if where else ""
     )
+    if verdict == "unknown_physics":
+        evidence += gathered(search, output, spans)
     return Location(equation, coordinate, output, spans, evidence)
 
 

@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.diagnose.model.candidate import Candidate
-from firmloop.diagnose.policy import SHORTEST_SPAN_S, WORST_SPANS
+from firmloop.diagnose.policy import FEW_ROWS, MOST_OF_IT, SHORTEST_SPAN_S, WORST_SPANS
 from firmloop.diagnose.search.found import Search
 from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.plants.per_recording import without_varying
@@ -67,3 +67,22 @@ def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tup
         spans.append((float(time[low]), float(time[high])))
         open_power[max(low - width, 0) : high + width] = 0.0
     return problem.plant.outputs[worst].name, tuple(sorted(spans)), float(np.sqrt(np.max(power)))
+
+
+def gathered(search: Search, output: str, spans: Sequence[tuple[float, float]]) -> str:
+    """Say that few rows, those of the spans, hold most of what the nominal plant misses of an output; blank if not.
+
+    Readings that failed do so, or what happened once; physics comes again.
+    """
+    column = [signal.name for signal in search.problem.plant.outputs].index(output)
+    left = [part[:, column] ** 2 for part in search.nominal.fitted.residuals]
+    time, whole = search.problem.train[0].time, float(sum(np.sum(part) for part in left))
+    inside = np.any([(time >= low) & (time <= high) for low, high in spans] or [np.zeros(len(time), bool)], axis=0)
+    rows, count = int(np.sum(inside)), sum(map(len, left))
+    share = float(np.sum(left[0][inside])) / whole if whole > 0.0 else 0.0
+    if rows > FEW_ROWS * count or share < MOST_OF_IT:
+        return ""
+    return (
+        f"; {rows} of {count} rows hold {100.0 * share:.0f} % of the squares of all that it misses: look whether these "
+        "readings failed, or what happened there once"
+    )

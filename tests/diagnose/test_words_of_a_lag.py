@@ -1,4 +1,4 @@
-"""What a diagnosis says of a lag that is no axis: nothing of it is in torques or in rad/s."""
+"""What a diagnosis says of a lag: in units of its output, where a step begins, and which few rows a misfit is in."""
 
 from __future__ import annotations
 
@@ -54,3 +54,19 @@ def test_a_step_that_begins_with_its_recording_does_not_move_by_itself(begins: f
     (note,) = said_of(tmp_path / "project.toml")["notes"]
     assert "train.csv: pump_V is 6 in every row, so that the step itself is not in the file" in note
     assert ("begin there from rest" in note) == (begins == 0.0) and "by itself" not in note
+
+
+def test_two_readings_that_hold_what_is_missing_are_pointed_at(tmp_path: Path) -> None:
+    """Right behind the only step of the input they may be its answer, so that no check refuses them."""
+    time = 0.025 * np.arange(320)
+    drive, since = np.where(time >= 2.0, 7.0, 0.0), np.maximum(time - 2.0, 0.0)
+    level = np.where(time > 2.0, 14.0 * (1.0 - 0.35 * np.exp(-since / 0.12) - 0.08 * np.exp(-since / 2.0)), 0.0)
+    level = np.round(level / 0.6 + np.random.default_rng(0).uniform(-0.3, 0.3, len(time)) * (level > 0.0)) * 0.6
+    level[[80, 81]] = 21.0, 21.6
+    columns = {"pump_V": drive, "speed_rad_s": level}
+    write_recording(make_recording(time, columns, "train.csv", ""), tmp_path / "train.csv")
+    text = TANK.replace("OUTPUT", "speed_rad_s").replace("8.0", "2.0").replace("4.0", "0.1")
+    (tmp_path / "project.toml").write_text(text, encoding="utf-8")
+    said = said_of(tmp_path / "project.toml")
+    assert said["verdict"] == "unknown_physics"
+    assert re.search(r"3 of 320 rows hold [89]\d % .* look whether these readings failed", " ".join(said["says"]))
