@@ -76,18 +76,14 @@ class Site:
         """Unit of the speed."""
         return self._lagging(1, 1 - self.lag) if self.lag else f"{self.travel}/s"
 
+    @property
+    def input_rate(self) -> str:
+        """Unit of how fast the input changes."""
+        return _composed(self.input_unit, 1, -1) if self.input_unit else "/s"
+
     def _lagging(self, outputs: int, seconds: int) -> str:
         """Return the unit of a lag's output^outputs s^seconds; blank where that of the output counts and is unknown."""
-        if outputs and not self.lag_unit:
-            return ""
-        powers: dict[str, int] = {}
-        for k, part in enumerate(self.lag_unit.split("/")):
-            for factor in part.split("*") if outputs else ():
-                name, _, size = factor.partition("^")
-                power = (int(size) if size.isdigit() else 1) * (-outputs if k else outputs)
-                powers[name] = powers.get(name, 0) + power
-        powers["s"] = powers.get("s", 0) + seconds
-        return _unit({name: power for name, power in powers.items() if name != "1"})
+        return "" if outputs and not self.lag_unit else _composed(self.lag_unit, outputs, seconds)
 
     @property
     def load(self) -> str:
@@ -110,6 +106,18 @@ class Site:
     def stiffness(self) -> str:
         """Ending of the name of a spring constant."""
         return "N_m_rad" if self.rotary else "N_m"
+
+
+def _composed(unit: str, power: int, seconds: int) -> str:
+    """Return unit^power s^seconds, as `rad/s^2`."""
+    powers: dict[str, int] = {}
+    for k, part in enumerate(unit.split("/")):
+        for factor in part.split("*") if power else ():
+            name, _, size = factor.partition("^")
+            own = (int(size) if size.isdigit() else 1) * (-power if k else power)
+            powers[name] = powers.get(name, 0) + own
+    powers["s"] = powers.get("s", 0) + seconds
+    return _unit({name: size for name, size in powers.items() if name != "1"})
 
 
 def _unit(powers: Mapping[str, int]) -> str:

@@ -116,6 +116,25 @@ def test_what_an_effect_takes_of_a_lag_is_in_the_unit_of_its_output(
     assert [each.unit for each in parameters_of(plant, effect)] == units
 
 
+@pytest.mark.parametrize(
+    ("drive", "output", "effect", "unit"),
+    [
+        ("pump_V", "level_cm", "sensor_offset", "cm"),
+        ("pump_V", "level_cm", "dead_zone", "V"),
+        ("inflow_cm3_s", "level_cm", "dead_zone", "cm3/s"),
+        ("inflow_cm3_s", "level_cm", "slew_rate_limit", "cm3/s^2"),
+        ("pump_V", "level_cm", "slew_rate_limit", "V/s"),
+        ("u", "y", "slew_rate_limit", "/s"),
+        ("u", "y", "sensor_offset", ""),
+    ],
+)
+def test_what_an_effect_does_to_a_signal_is_in_the_unit_that_its_column_names(
+    drive: str, output: str, effect: str, unit: str
+) -> None:
+    (known,) = parameters_of(make_plant("first_order", drive, [output], {}), effect)
+    assert known.unit == unit
+
+
 def test_left_out_parameters_wait_to_be_fitted() -> None:
     plant = make_plant("first_order", "u", ["y"], {})
     assert all(math.isnan(p.value) and p.free for p in plant.parameters)

@@ -10,7 +10,7 @@ from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Sit
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
     """Name the constants."""
-    return (ceiling(f"{ended('rate', site.input)}_s", f"{site.input_unit}/s"),)
+    return (ceiling(f"{ended('rate', site.input)}_s", site.input_rate),)
 
 
 def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
