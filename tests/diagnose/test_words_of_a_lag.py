@@ -70,3 +70,27 @@ def test_two_readings_that_hold_what_is_missing_are_pointed_at(tmp_path: Path) -
     said = said_of(tmp_path / "project.toml")
     assert said["verdict"] == "unknown_physics"
     assert re.search(r"3 of 320 rows hold [89]\d % .* look whether these readings failed", " ".join(said["says"]))
+
+
+def test_a_test_recording_that_is_simulated_worse_is_told_with_its_figures(tmp_path: Path) -> None:
+    """The brake was off there."""
+    rng, step = np.random.default_rng(11), 0.01
+    for name, brake in (("train", 15.0), ("test", 0.0)):
+        drive = np.repeat(rng.uniform(-12.0, 12.0, 20), 30)
+        speed = np.zeros(len(drive))
+        for k in range(len(drive) - 1):
+            free = speed[k] + step / 0.25 * (20.0 * drive[k] - speed[k])
+            speed[k + 1] = np.sign(free) * max(abs(free) - step / 0.25 * brake, 0.0)
+        columns = {"pump_V": drive, "speed_rad_s": speed + rng.normal(0.0, 0.3, len(drive))}
+        write_recording(
+            make_recording(step * np.arange(len(drive)), columns, f"{name}.csv", ""), tmp_path / f"{name}.csv"
+        )
+    text = TANK.replace("OUTPUT", "speed_rad_s").replace("8.0", "19.0").replace("4.0", "0.25")
+    text = text.replace("[plant]", 'test = ["test.csv"]\n[plant]', 1)
+    (tmp_path / "project.toml").write_text(text, encoding="utf-8")
+    said = said_of(tmp_path / "project.toml")
+    assert "coulomb_friction" in [each["name"] for each in said["effects"]]
+    stays = next(line for line in said["says"] if line.startswith("The written project is the plain refit"))
+    figures = r"simulates test\.csv worse \(speed_rad_s by ([\d.]+) rad/s rms .*, the refit by ([\d.]+) rad/s\)"
+    found = re.search(figures, stays)
+    assert found and float(found[1]) > float(found[2]), stays
