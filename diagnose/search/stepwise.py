@@ -366,19 +366,8 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
 def pruned(problem: Problem, best: Candidate) -> Candidate:
     """Drop effects one by one as long as the rest explains as much, and no output is missed by far more."""
     while len(best.fitted.terms) > 1:
-        slimmer = [
-            rated(
-                problem,
-                fit(
-                    problem,
-                    problem.train,
-                    *relieved(problem, best.fitted, term, best.noises),
-                    best.noises,
-                    STEPS_OF_A_FIT,
-                ),
-            )
-            for term in best.fitted.terms
-        ]
+        begins = [relieved(problem, best.fitted, term, best.noises) for term in best.fitted.terms]
+        slimmer = [rated(problem, fit(problem, problem.train, *each, best.noises, STEPS_OF_A_FIT)) for each in begins]
         least = min(slimmer, key=lambda each: each.score)
         spared = _spared(problem, best, least)
         if not spared and meeting(least.fitted.terms):
