@@ -105,5 +105,5 @@ def test_an_effect_that_foresees_no_more_is_not_needed_where_other_parts_were_le
 
 def test_what_ends_on_a_bound_foresees_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _part(0.02, 4.0).foresees
-    monkeypatch.setattr(held_out, "believable", lambda fitted: False)
+    monkeypatch.setattr(held_out, "likely", lambda fitted: False)
     assert not _part(0.02, 4.0).foresees
