@@ -74,10 +74,8 @@ def left_out(problem: Problem, explanations: Mapping[str, Contender], sizes: Seq
     known = {name: _certain_of(problem, problem.train, each, noises, 0)[1] for name, each in explanations.items()}
     given = {p.name: p.value for p in problem.plant.parameters}
     lefts: dict[str, list[Array]] = {name: [] for name in ("before", *explanations)}
-    # What lasts, or hardly repeats, may be how one run differs from the next, which blocks of all do not tell.
-    slow = any(
-        term.effect.lasting or creeps(term, each.values) for each in explanations.values() for term in each.terms
-    )
+    # What creeps may be how one run differs from the next, which blocks of all do not tell.
+    slow = any(creeps(term, each.values) for each in explanations.values() for term in each.terms)
     for fold in _folds(problem, slow):
         if engine.steps > until:
             break

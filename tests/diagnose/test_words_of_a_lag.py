@@ -7,23 +7,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from firmloop.identify.recordings.recording import make_recording, write_recording
-from tests.diagnose.cases import said_of
+from tests.diagnose.cases import lag_project, said_of
 
-TANK = """schema = 1
-name = "tank"
-[recordings]
-train = ["train.csv"]
-[plant]
-kind = "first_order"
-input = "pump_V"
-outputs = ["OUTPUT"]
-[plant.parameters]
-gain = { value = 8.0, free = true }
-time_constant_s = { value = 4.0, free = true }
-delay_s = { value = 0.0, free = false }
-"""
+Array = NDArray[np.float64]
+
+
+def logged(folder: Path, time: Array, **columns: Array) -> None:
+    """Log a drive and an output in train.csv, and write a project of a lag between them."""
+    recorded(folder / "train.csv", time, **columns)
+    text = lag_project(*columns, 8.0, 4.0, ("train.csv",))
+    (folder / "project.toml").write_text(text, encoding="utf-8")
+
+
+def recorded(file: Path, time: Array, **columns: Array) -> None:
+    write_recording(make_recording(time, columns, file.name, ""), file)
 
 
 @pytest.mark.parametrize(("output", "unit"), [("level_cm", " cm"), ("level", "")])
@@ -34,8 +34,7 @@ def test_what_opposes_a_level_is_in_its_unit(output: str, unit: str, tmp_path: P
     for k in range(len(drive) - 1):  # the pump gives nothing below 2 V
         level[k + 1] = level[k] + step / 4.0 * (8.0 * (drive[k] - 2.0) - level[k])
     columns = {"pump_V": drive, output: level + 0.2 * rng.standard_normal(len(level))}
-    write_recording(make_recording(step * np.arange(len(level)), columns, "train.csv", ""), tmp_path / "train.csv")
-    (tmp_path / "project.toml").write_text(TANK.replace("OUTPUT", output), encoding="utf-8")
+    logged(tmp_path, step * np.arange(len(level)), **columns)
     said = said_of(tmp_path / "project.toml")
     told = " ".join(said["says"])
     assert "load_torque" in told and "rad" not in told and "N_m" not in told
@@ -48,9 +47,7 @@ def test_what_opposes_a_level_is_in_its_unit(output: str, unit: str, tmp_path: P
 def test_a_step_that_begins_with_its_recording_does_not_move_by_itself(begins: float, tmp_path: Path) -> None:
     time = 0.05 * np.arange(400)
     level = 48.0 + (begins - 48.0) * np.exp(-time / 4.0) + 0.02 * np.random.default_rng(3).standard_normal(len(time))
-    columns = {"pump_V": 6.0 + 0.0 * time, "level_cm": level}
-    write_recording(make_recording(time, columns, "train.csv", ""), tmp_path / "train.csv")
-    (tmp_path / "project.toml").write_text(TANK.replace("OUTPUT", "level_cm"), encoding="utf-8")
+    logged(tmp_path, time, pump_V=6.0 + 0.0 * time, level_cm=level)
     (note,) = said_of(tmp_path / "project.toml")["notes"]
     assert "train.csv: pump_V is 6 in every row, so that the step itself is not in the file" in note
     assert ("begin there from rest" in note) == (begins == 0.0) and "by itself" not in note
@@ -63,9 +60,8 @@ def test_two_readings_that_hold_what_is_missing_are_pointed_at(tmp_path: Path) -
     level = np.where(time > 2.0, 14.0 * (1.0 - 0.35 * np.exp(-since / 0.12) - 0.08 * np.exp(-since / 2.0)), 0.0)
     level = np.round(level / 0.6 + np.random.default_rng(0).uniform(-0.3, 0.3, len(time)) * (level > 0.0)) * 0.6
     level[[80, 81]] = 21.0, 21.6
-    columns = {"pump_V": drive, "speed_rad_s": level}
-    write_recording(make_recording(time, columns, "train.csv", ""), tmp_path / "train.csv")
-    text = TANK.replace("OUTPUT", "speed_rad_s").replace("8.0", "2.0").replace("4.0", "0.1")
+    recorded(tmp_path / "train.csv", time, pump_V=drive, speed_rad_s=level)
+    text = lag_project("pump_V", "speed_rad_s", 2.0, 0.1, ("train.csv",))
     (tmp_path / "project.toml").write_text(text, encoding="utf-8")
     said = said_of(tmp_path / "project.toml")
     assert said["verdict"] == "unknown_physics"
@@ -81,11 +77,9 @@ def test_a_test_recording_that_is_simulated_worse_is_told_with_its_figures(tmp_p
         for k in range(len(drive) - 1):
             free = speed[k] + step / 0.25 * (20.0 * drive[k] - speed[k])
             speed[k + 1] = np.sign(free) * max(abs(free) - step / 0.25 * brake, 0.0)
-        columns = {"pump_V": drive, "speed_rad_s": speed + rng.normal(0.0, 0.3, len(drive))}
-        write_recording(
-            make_recording(step * np.arange(len(drive)), columns, f"{name}.csv", ""), tmp_path / f"{name}.csv"
-        )
-    text = TANK.replace("OUTPUT", "speed_rad_s").replace("8.0", "19.0").replace("4.0", "0.25")
+        read = speed + rng.normal(0.0, 0.3, len(drive))
+        recorded(tmp_path / f"{name}.csv", step * np.arange(len(drive)), pump_V=drive, speed_rad_s=read)
+    text = lag_project("pump_V", "speed_rad_s", 19.0, 0.25, ("train.csv",))
     text = text.replace("[plant]", 'test = ["test.csv"]\n[plant]', 1)
     (tmp_path / "project.toml").write_text(text, encoding="utf-8")
     said = said_of(tmp_path / "project.toml")
