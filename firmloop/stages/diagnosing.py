@@ -22,6 +22,7 @@ from firmloop.identify.fitting.fit import tried
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import NONE
 from firmloop.identify.recordings.recording import Recording
+from firmloop.identify.simulation.at_rest import begun_at_rest
 from firmloop.project.project import Project
 from firmloop.stages.data import Data, conditioning_of
 from firmloop.stages.fitting import check_logs, identify
@@ -51,6 +52,7 @@ def both_halves(
         if any(math.isnan(parameter.value) for parameter in plant.parameters):
             plant = identify(project, data, report).plant
         (train, notes), (test, _) = (as_conditioned(plant, part, conditioning) for part in (data.train, data.test))
+        train = begun_at_rest(plant, train)
         with threadpool_limits(1):  # thousands of small products: threads would only wait for each other
             made = diagnose(plant, train, test, report)
             _check_early(plant, train, made)

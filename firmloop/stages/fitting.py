@@ -16,6 +16,7 @@ from firmloop.identify.fitting.starting_points import unguided
 from firmloop.identify.plants.attach import told_names
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import Conditioning
+from firmloop.identify.simulation.at_rest import begun_at_rest
 from firmloop.identify.simulation.bridge_columns import check_bridges
 from firmloop.identify.simulation.simulate import measured
 from firmloop.project.project import Project
@@ -32,6 +33,11 @@ def check_logs(verb: str, plant: Plant, data: Data, conditioning: Conditioning) 
     refuse(Evidence(plant, recordings, conditioning, None), verb)
 
 
+def _begun(project: Project, data: Data) -> Data:
+    """Return the data with those recordings to fit marked that are taken to begin at rest."""
+    return replace(data, train=begun_at_rest(recorded_plant_of(project), data.train))
+
+
 def _refuse_causes(evidence: Evidence) -> None:
     """Refuse what a fit fails of in the words of the check that sees why; do nothing where none does."""
     remarks = told(evidence)
@@ -42,6 +48,7 @@ def _refuse_causes(evidence: Evidence) -> None:
 def identify(project: Project, data: Data, report: Report) -> Fit:
     """Fit the plant to the train recordings; score it on train and test."""
     with located(project), threadpool_limits(1):  # small matrices: a second thread would only wait for the first
+        data = _begun(project, data)
         fitted, evidence = _fitted(project, data, report)
         report(0.95, "checking units, signs, levels and residuals")
         remarks = told(evidence)
@@ -68,6 +75,7 @@ def _placed(plant: Plant, text: str) -> str:
 def fit_alone(project: Project, data: Data) -> Fit:
     """Fit as `identify` does, without its remarks: by them kinds are not compared."""
     with located(project), threadpool_limits(1):
+        data = _begun(project, data)
         fitted, evidence = _fitted(project, data, lambda share, doing: None)
         try:
             judge(fitted, data.train, evidence.conditioning)

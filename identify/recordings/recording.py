@@ -48,11 +48,13 @@ class Recording:
     hold: str = "zero_order"  # what an input does between rows, see identify.hold
     notes: tuple[str, ...] = ()  # how the file was read, where it is not plain
     words: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    from_rest: bool = False  # its first row is taken to be at rest, see `begun_at_rest`
 
     def part(self, first: int, end: int) -> Recording:
         """Return the rows from `first` to before `end`, at the times they had."""
         columns = {name: np.ascontiguousarray(values[first:end]) for name, values in self.columns.items()}
-        return replace(self, time=np.ascontiguousarray(self.time[first:end]), columns=MappingProxyType(columns))
+        time, from_rest = np.ascontiguousarray(self.time[first:end]), self.from_rest and not first
+        return replace(self, time=time, columns=MappingProxyType(columns), from_rest=from_rest)
 
 
 def read_recording(

@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 _STILL = 4.0  # deviations by which the differences of white noise may be smaller than they should be
 _UNDRIVEN = 0.01  # of the largest input: less drives nothing
-_FEWEST = 5  # rows before an input, from which they tell where a plant rests
+FEWEST = 5  # rows before an input, from which they tell where a plant rests
 
 
 def moves(values: Array) -> bool:
@@ -36,4 +36,4 @@ def resting(readings: Array, drive: Array, most: Array) -> Array:
     """
     acts = driven(drive, most)
     first = readings[: int(np.argmax(acts)) if np.any(acts) else None]
-    return first if len(first) >= _FEWEST and not moves(first) else first[:0]
+    return first if len(first) >= FEWEST and not moves(first) else first[:0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +11,10 @@ import scipy
 from numpy.typing import NDArray
 
 from firmloop.identify.plants.attach import with_effects
+from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.recording import Recording
-from firmloop.identify.recordings.stillness import resting
+from firmloop.identify.recordings.stillness import FEWEST, driven, resting
 from firmloop.identify.simulation.linearize import Linear, linearize
 from firmloop.identify.simulation.simulate import constants_of, drive_of, measured, seen_places
 
@@ -21,6 +23,7 @@ Array = NDArray[np.float64]
 _SEEN = 0.01  # of an output's range: an initial state that moves it by less, or by less than its noise, is known
 _VAGUE = 1e-6  # of what an initial state does to the outputs: what is known of it without any row
 _MOMENTS = 60  # of a recording, at which that is looked at
+_SAME_REST = 0.03  # of an output's range, within which two recordings begin at the same rest
 _STANDING = 5  # rows for which a step that begins with its recording keeps its input
 
 
@@ -35,10 +38,13 @@ def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
     drive, outputs = drive_of(plant, recording), measured(plant, recording)
     rest = resting(outputs, drive, np.max(np.abs(drive), axis=0))
     bare = _undelayed(with_effects(plant, ()))
-    line = _at_zero(bare) if 0 < len(rest) < len(drive) or switched_on(plant, recording) else None
+    begins = recording.from_rest or 0 < len(rest) < len(drive) or switched_on(plant, recording)
+    line = _at_zero(bare) if begins else None
     if line is None:
         return ()
     told_otherwise = {*(one.state for one in plant.varying), *(state for state, _ in seen_places(plant))}
+    if recording.from_rest:
+        return tuple(k for k in range(len(bare.states)) if k not in told_otherwise)
     if not len(rest):
         read = {int(np.argmax(row)) for row in line.c if np.count_nonzero(row) == 1}
         return tuple(k for k in range(len(bare.states)) if k not in told_otherwise | read)
@@ -75,6 +81,33 @@ def switched_on(plant: Plant, recording: Recording) -> bool:
     span, away = np.ptp(outputs, axis=0), outputs[0] - np.asarray(rests, dtype=np.float64).ravel()
     tells = (span > 0.0) & np.array([signal.name not in places for signal in plant.outputs])
     return bool(np.any(tells) and np.all(np.abs(away[tells]) <= _SEEN * span[tells]))
+
+
+def begun_at_rest(plant: Plant, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
+    """Return recordings of a plant whose level of rest is free with those marked that are one step from rest.
+
+    Such a recording alone tells that level from the gain only by where it begins, and the one row or two before its
+    step, over which nothing moves far, would leave both to what a plant of too few lags misses. So it is taken to begin
+    at rest, unless its readings move before the step, or several such begin at different readings.
+    """
+    if plant.varying or not any(each.name == OUTPUT and each.free for each in plant.parameters):
+        return tuple(recordings)
+    steps = [_one_step(plant, each) for each in recordings]
+    begun = [measured(plant, each)[0] for each, one in zip(recordings, steps, strict=True) if one]
+    spans = [np.ptp(measured(plant, each), axis=0) for each in recordings]
+    if not begun or np.any(np.ptp(begun, axis=0) > _SAME_REST * np.max(spans, axis=0)):
+        return tuple(recordings)
+    return tuple(replace(each, from_rest=one) for each, one in zip(recordings, steps, strict=True))
+
+
+def _one_step(plant: Plant, recording: Recording) -> bool:
+    """Tell whether an input of a recording that begins undriven stands at one level from its first change on."""
+    drive, outputs = drive_of(plant, recording) - plant.resting_input, measured(plant, recording)
+    most = np.max(np.abs(drive), axis=0)
+    acts = driven(drive, most)
+    first = int(np.argmax(acts))
+    stands = first > 0 and bool(np.all(np.ptp(drive[first:], axis=0) <= _SEEN * most))
+    return stands and (first < FEWEST or len(resting(outputs, drive, most)) > 0)
 
 
 def _undelayed(plant: Plant) -> Plant:
