@@ -151,9 +151,9 @@ def likely_unit(name: str, wanted: str) -> str:
     As `carried_unit`, and anywhere in the name and in any capitals: `speed_rpm_raw`, `currentMa`, `TIME_MS`.
     """
     own = carried_unit(name)
-    if not wanted or _in(own, wanted) or "/" in own:
+    if not wanted or is_in(own, wanted) or "/" in own:
         return own
-    return next((each for each in _units_within(name) if _in(each, wanted)), own)
+    return next((each for each in _units_within(name) if is_in(each, wanted)), own)
 
 
 def _units_within(name: str) -> Iterator[str]:
@@ -178,7 +178,7 @@ def camel_words(name: str) -> list[str]:
     return re.split(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", name)
 
 
-def _in(unit: str, wanted: str) -> bool:
+def is_in(unit: str, wanted: str) -> bool:
     """Tell whether a value in `unit` can become one in `wanted`."""
     try:
         return conversion(unit, wanted, "").factor > 0.0

@@ -181,6 +181,8 @@ def _terms(plant: Plant, train: Sequence[Recording]) -> tuple[LibraryTerm, ...]:
         if effect.seen_by in DIRECT or label_of(plant, use) in own:
             continue
         site = site_of(plant, effect, use.output, use.at)
+        if effect.place == "torque" and not (site.moves or effect.anywhere):
+            continue
         scales = sizes(site.output, site.balance)
         if effect.possible is not None and not effect.possible(site, scales):
             continue

@@ -11,6 +11,7 @@ import casadi as ca
 
 from firmloop.identify.plants.assembly import Assembly
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.units import is_in
 
 _Values = TypeVar("_Values", ca.SX, ca.DM)
 
@@ -31,6 +32,9 @@ class EffectParameter:
     neutral: float
     logarithmic: bool
     default: float | None
+
+
+_NEVER_MOVE = ("K", "A", "W", "Pa", "m^3/s", "kg/s", "m^3", "kg", "N", "N*m", "J")  # nor has a speed m or rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,15 @@ class Site:
     balance: int  # in plant.balances, -1 for none
     lag: int = 0  # order of a lag, where what moves the plant is in the output's unit: a speed, or of two a position
     lag_unit: str = ""  # that unit; blank where nobody says
+
+    @property
+    def moves(self) -> bool:
+        """Whether what it acts on may move, by the unit of a lag: no level, flow, pressure or heat does.
+
+        Volts, counts and shares may be what a sensor makes of anything.
+        """
+        never = _NEVER_MOVE if self.lag > 1 else (*_NEVER_MOVE, "m", "rad")
+        return not self.lag or not any(is_in(self.lag_unit, other) for other in never)
 
     @property
     def force(self) -> str:
@@ -160,6 +173,7 @@ class Scales:
     other_way: float  # largest size of the input on the side where that is smaller
     least: float  # size that the input is never below; 0 where it goes both ways
     level: float  # of the state an overflow acts on
+    switched: tuple[float, ...] = ()  # s, the moments at which an input changes, where it does so twice at the most
 
     def times(self, rows: float) -> tuple[float, ...]:
         """Return times from that many rows to a tenth of the longest recording, each four times the last, in s.
@@ -245,7 +259,8 @@ class Effect:
     torque comes; `order` or `order of effort`, how often per turn a torque repeats, by itself or in proportion to the
     drive's; `turn`, that it does so once. `per_recording` is what a project calls its parameter where each recording
     has its own, before the place; blank where it is called by its full name. `undo(values, reading)` is what a reading
-    was before it, None where that cannot be told.
+    was before it, None where that cannot be told. `anywhere`: a balance of what does not move may have it, too, as of
+    a level; other torques are not looked for there.
     """
 
     name: str
@@ -288,6 +303,7 @@ class Effect:
     seen_by: str = ""
     per_recording: str = ""
     undo: Callable[[Mapping[str, float], float], float] | None = None
+    anywhere: bool = False
 
     def neutral(self, site: Site) -> tuple[tuple[int, float], ...]:
         """Return the parameters, by position, and their values at which the effect changes nothing."""

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 _STRETCH = "clock_skew.ratio"  # by which a slow clock stretches the time between readings
 _PIECES = 100  # of a recording, over which an acceleration is seen
+_CHANGES = 0.01  # of the largest input: less from row to row is no change
+_FEW_CHANGES = 2  # of the input, in a recording: on and off
 
 
 @dataclass(slots=True)
@@ -208,6 +210,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
             peaks[key] = max(peaks.get(key, 0.0), float(np.max(np.abs(finite))))
 
     low, high, places, step, span, least = math.inf, -math.inf, [0.0], math.inf, 0.0, math.inf
+    changes: list[float] = []
     for recording in recordings:
         course = course_of(bare, recording)
         constants = np.array([p.value for p in bare.parameters])
@@ -223,8 +226,9 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         column = recording.columns[plant.outputs[output].name]
         low, high = min(low, float(column.min())), max(high, float(column.max()))
         see("input", course.drive[:, 0])
-        see("slew", np.diff(course.drive[:, 0]) / np.diff(course.time))
-        size = np.abs(course.drive[:, 0])
+        moved, size = np.diff(course.drive[:, 0]), np.abs(course.drive[:, 0])
+        see("slew", moved / np.diff(course.time))
+        changes.extend(course.time[1:][np.abs(moved) > _CHANGES * np.max(size)].tolist())
         see("fall", np.maximum.accumulate(size) - size)
         see("up", np.maximum(course.drive[:, 0], 0.0))
         see("down", np.minimum(course.drive[:, 0], 0.0))
@@ -250,7 +254,6 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
     )
     peaks["effort"] = peaks.get("effort", 0.0) or inertia * peaks.get("freely", 0.0)
     sizes = {key: value if value > 0.0 else 1.0 for key, value in peaks.items()}
-    travel = max(places) - min(places)
     largest = max(abs(low), abs(high)) or 1.0
     seen = [recording.columns[plant.outputs[output].name] for recording in recordings]
     end = gathering(seen)
@@ -265,7 +268,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         current=sizes.get("current", 1.0),
         effort=sizes.get("effort", 1.0),
         speed=sizes.get("speed", 1.0),
-        travel=travel if travel > 0.0 else 1.0,
+        travel=(max(places) - min(places)) or 1.0,
         place_low=min(places),
         place_high=max(places),
         inertia=inertia,
@@ -279,6 +282,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         other_way=other_way,
         least=0.0 if other_way > 0.0 else least,
         level=sizes.get("level", 1.0),
+        switched=tuple(changes) if len(changes) <= _FEW_CHANGES * len(recordings) else (),
     )
 
 

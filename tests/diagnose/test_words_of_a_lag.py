@@ -41,6 +41,8 @@ def test_what_opposes_a_level_is_in_its_unit(output: str, unit: str, tmp_path: P
     load = next(each for each in said["effects"] if each["name"] == "load_torque")
     assert re.search(rf"\(balance of {output}\): torque [\d.-]+ ± [\d.e-]+{unit}\.( |$)", told)
     assert load["parameters"]["torque_N_m"]["unit"] == unit.strip()
+    if unit:  # nothing that moves rubs, sticks or has play there
+        assert "friction" not in told and "backlash" not in told and "spring" not in told, told
 
 
 @pytest.mark.parametrize("begins", [0.0, 5.0])
@@ -51,6 +53,22 @@ def test_a_step_that_begins_with_its_recording_does_not_move_by_itself(begins: f
     (note,) = said_of(tmp_path / "project.toml")["notes"]
     assert "train.csv: pump_V is 6 in every row, so that the step itself is not in the file" in note
     assert ("begin there from rest" in note) == (begins == 0.0) and "by itself" not in note
+
+
+def test_what_comes_on_where_the_input_is_switched_is_no_load(tmp_path: Path) -> None:
+    """A second lag was a load of five times the drive, put on in the very row in which the motor was switched on.
+
+    It is switched off in the last row, and two rows are missing.
+    """
+    time = np.delete(0.02 * np.arange(300), [101, 102])
+    since, on = np.maximum(time - 2.04, 0.0), time > 2.03
+    speed = np.where(on, 11.6 * (1.0 - 0.3 * np.exp(-since / 0.6)), 0.0)
+    read = np.round((speed + np.random.default_rng(0).normal(0.0, 0.1, len(time))) / 0.73) * 0.73 * on
+    recorded(tmp_path / "train.csv", time, pump_V=np.where(on & (time < 5.97), 9.0, 0.0), speed_rad_s=read)
+    text = lag_project("pump_V", "speed_rad_s", 1.25, 0.125, ("train.csv",))
+    (tmp_path / "project.toml").write_text(text, encoding="utf-8")
+    said = said_of(tmp_path / "project.toml")
+    assert "load_step" not in {each["name"] for each in said["effects"]}
 
 
 def test_two_readings_that_hold_what_is_missing_are_pointed_at(tmp_path: Path) -> None:

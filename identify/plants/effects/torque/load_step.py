@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from firmloop.identify.plants.assembly import STEADY, Assembly
 from firmloop.identify.plants.effect import Effect, EffectParameter, Scales, Site, signed
 
-_END = 0.02  # of the recordings: a moment nearer to one of their ends is none
+_END = 0.02  # of the recordings: a moment nearer to one of their ends, or to where the input is switched, is none
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -34,9 +34,13 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
 
 
 def believable(values: Sequence[float], scales: Scales) -> bool:
-    """Tell whether the load comes on between the ends, which are rarely what they seem: before, it was always there."""
-    moment = values[1]
-    return min(moment - scales.begin, scales.end - moment) >= _END * (scales.end - scales.begin)
+    """Tell whether the load comes on between the ends, which are rarely what they seem: before, it was always there.
+
+    What comes on where the input is switched is what the machine makes of its input.
+    """
+    moment, none = values[1], (scales.begin, scales.end, *scales.switched)
+    apart = min(abs(moment - each) for each in none) >= _END * (scales.end - scales.begin)
+    return apart and scales.begin < moment < scales.end
 
 
 EFFECT = Effect(
@@ -66,4 +70,5 @@ EFFECT = Effect(
     slow=True,
     lasting=True,
     seen_by="moment",
+    anywhere=True,
 )

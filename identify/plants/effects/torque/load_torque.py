@@ -47,4 +47,5 @@ EFFECT = Effect(
     lasting=True,
     regime="reversal",
     per_recording="load",
+    anywhere=True,
 )

@@ -49,4 +49,5 @@ EFFECT = Effect(
     switches=(0,),
     holding=holding,
     coordinate="speed squared",
+    anywhere=True,
 )
