@@ -67,10 +67,11 @@ def paragraph(
     said += [each.told() for each in finding.effects]
     if finding.effects:
         moved = [shift for shift in finding.shifts if shift.after > 0.0 and _moved(shift) > 0.05]
+        gone = "it" if len(finding.effects) == 1 else "them"
         for shift in sorted(moved, key=lambda one: -_moved(one))[:2]:
             unit = f" {shift.unit}" if shift.unit else ""
             said.append(
-                f"A refit without it would put {shift.name} at {_times(shift.refit / shift.after)} times its value "
+                f"A refit without {gone} would put {shift.name} at {_times(shift.refit / shift.after)} times its value "
                 f"({shift.refit:.4g} instead of {shift.after:.4g}{unit})."
             )
     for name in dict.fromkeys(one.parameter.name for one in finding.per_recording):
@@ -129,12 +130,20 @@ def measured_too(
     else:
         rest = [*_about_rest(finding), *_about_disturbance(plant, finding, missed)]
     said = [
+        *_about_lags(plant, finding),
         *_about_chance(finding),
         *rest,
         *_about_runs(*own),
         *_about_left_out(finding),
     ]
     return replace(finding, says=(*finding.says, *said))
+
+
+def _about_lags(plant: Plant, finding: Finding) -> list[str]:
+    """Say what else may lag where one output is all that is read."""
+    if len(plant.outputs) > 1 or not any(each.name == "sensor_lag" for each in finding.effects):
+        return []
+    return ["With one reading alone, what lags may as well be the actuator, or a second store of the plant."]
 
 
 def _about_chance(finding: Finding) -> list[str]:
@@ -149,17 +158,15 @@ def _about_chance(finding: Finding) -> list[str]:
 
 
 def _about_rest(finding: Finding) -> list[str]:
-    """Say that an explanation is not the whole of it, where more is left than the sensors' noise."""
+    """Say that more is left than the sensors' noise: where an explanation stands, that it is not the whole of it."""
     left = finding.train.after
     if left is None or left < STILL_MISSING:
         return []
-    if finding.verdict == "unknown_physics":
+    if not finding.effects:
         return [
             f"Simulations miss by {left:.3g} times the sensors' noise. Run the same input twice: what repeats is "
             "physics that has no name here, what does not is a disturbance."
         ]
-    if not finding.effects:
-        return []
     return [
         f"That is not the whole of it: simulations still miss by {left:.3g} times the sensors' noise, which another "
         "effect, or a disturbance, makes."
@@ -233,7 +240,7 @@ def _about_left_out(finding: Finding) -> list[str]:
         f"{name} by {', '.join(f'{rms[key]:.3g} {word}' for key, word in told if key in rms)}"
         for name, rms in crossed.items()
     ]
-    return [f"Where it is left out of the fit, simulations miss (rms) {'; '.join(figures)}."] if figures else []
+    return [f"Of rows left out of the fit simulations miss (rms) {'; '.join(figures)}."] if figures else []
 
 
 def with_doubt(finding: Finding) -> Finding:

@@ -329,7 +329,7 @@ def _law(shape: Shape | None) -> tuple[tuple[float, float], ...]:
 def _location(
     search: Search, noises: Sequence[Noise], shape: Shape | None, read: Sequence[Direct], verdict: Verdict
 ) -> Location:
-    output, spans, size = worst_spans(search, noises)
+    output, spans = worst_spans(search, noises)
     if shape is not None:
         equation, coordinate = shape.balance, shape.coordinate
     elif not search.best.fitted.terms and read:
@@ -340,9 +340,7 @@ def _location(
         term = max(search.best.fitted.terms, key=lambda each: strength(search.best.fitted, each))
         equation, coordinate = _equation(search.problem, term), term.effect.coordinate or term.effect.term
     where = ", ".join(f"{low:.2f}-{high:.2f} s" for low, high in spans)
-    evidence = f"the refitted nominal plant misses {output} by {size:.1f} times the noise" + (
-        f" at {where}" if where else ""
-    )
+    evidence = f"the refitted nominal plant misses {output}" + (f" most at {where}" if where else "")
     if verdict == "unknown_physics":
         evidence += gathered(search, output, spans)
     return Location(equation, coordinate, output, spans, evidence)

@@ -37,8 +37,8 @@ def as_others(search: Search, recording: Recording, values: Mapping[str, float],
     return replace(recording, columns={**recording.columns, **outputs})
 
 
-def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tuple[float, float], ...], float]:
-    """Return the output that fits worst, the spans (s) of the first train recording where, and their rms over noise.
+def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tuple[float, float], ...]]:
+    """Return the output that fits worst, and the spans (s) of the first train recording where, in units of the noise.
 
     `noises` are of what nothing is missing from, one an output.
     """
@@ -66,7 +66,7 @@ def worst_spans(search: Search, noises: Sequence[Noise]) -> tuple[str, tuple[tup
             high += 1
         spans.append((float(time[low]), float(time[high])))
         open_power[max(low - width, 0) : high + width] = 0.0
-    return problem.plant.outputs[worst].name, tuple(sorted(spans)), float(np.sqrt(np.max(power)))
+    return problem.plant.outputs[worst].name, tuple(sorted(spans))
 
 
 def gathered(search: Search, output: str, spans: Sequence[tuple[float, float]]) -> str:
