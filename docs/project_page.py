@@ -160,8 +160,10 @@ number * scale + offset is a value in `unit`.
 
 Text files may have commas, semicolons, tabs or spaces between columns, decimal commas, a line of units, lines before
 the header, a delimiter at every line's end, a byte order mark, or UTF-16. Dates and times of day are read as seconds
-from the first; columns of words are left aside. Exports of Tektronix, Rigol, Siglent, Keysight and Saleae, LabVIEW's
-`.lvm`, objects of JSON a line and lines that name each value (`t_ms:12,speed:3.5`) are read too. With an extra
+from the first; columns of words are left aside. Exports of Tektronix, Rigol, Siglent, Keysight and Saleae, rows below
+settings that say how far apart they are (Yokogawa, Hantek, Owon, Fluke), Graphtec's recorders, LabVIEW's `.lvm`, the
+stamps of a terminal (`12:00:01.250 -> 3.2,17.4`), objects of JSON a line and lines that name each value
+(`t_ms:12,speed:3.5`) are read too. With an extra
 of the installation: `hdf5` for `.h5` and MATLAB 7.3, `tdms`, `mdf4` (`.mf4`), `ulog` (`.ulg`), `mcap`, `rosbag`
 (`.bag`, `.db3`), `parquet`. Groups or topics with different rates are held on the instants of the quickest; groups with
 the same names are two recordings. What is not plain is told in a note; a file with two readings is refused.""",

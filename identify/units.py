@@ -139,6 +139,8 @@ def carried_unit(name: str) -> str:
         return _WHOLE.get(name, "rpm")
     if unit_of(name):
         return unit_of(name)
+    if channel := re.fullmatch(r"(?i:ch)\d+(mV|V|mA|A)", name.strip()):  # of Rigol's scopes: CH1V
+        return channel.group(1)
     last = re.split(r"[_\s]+", name.strip())[-1]
     if re.search(r"[/^\u207b]|\w-1$", last):  # min-1, m/s and, as standards print it, n/min-1
         return next((each for each in (last, last.partition("/")[2]) if _is_quotient(each)), "") or _last_word(name)

@@ -18,10 +18,12 @@ from firmloop.identify.units import camel_words, carried_unit, likely_unit, stem
 Array = NDArray[np.float64]
 
 _TIMES = re.compile(
-    r"(?i)_*(t|ts|time|stamp|timestamp|date|datetime|elapsed|clock|millis|micros|seconds?|x(_value)?|zeit|temps|tiempo|tempo)"
+    r"(?i)_*(t|ts|time|stamp|timestamp|date|datetime|elapsed|clock|millis|micros|seconds?|x(_value)?|zeit|uhrzeit|datum|"
+    r"temps|heure|tiempo|hora|fecha|tempo|ora)"
     r"([\s_(\[].*)?"
 )
 
+_COUNTERS = frozenset(("", *"no nr number index idx count seq sample point row record".split()))
 _EXAMPLE = 24.0  # of what a share is a share of: the supply of many a drive, V
 _FARTHEST = 1.5  # times what a counter wraps at: half of that beyond it a jump is still told from a step
 
@@ -56,9 +58,19 @@ class RowClock:
 
 def called_a_time(name: str) -> bool:
     """Tell whether a column is called as a time is; capitals part words of several letters, signs one letter, too."""
-    first, *others = camel_words(re.sub(r"[.:{]", "_", name))
+    first, *others = camel_words(re.sub(r"(?<=\w{3})[&/](?=\w{3})|[.:{]", "_", name))
     parted = "_".join((first, *others)) if len(first) > 1 else first + "".join(others)
     return bool(_TIMES.fullmatch(parted) or _TIMES.fullmatch(name))
+
+
+def called_a_counter(name: str) -> bool:
+    """Tell whether a column is called as the number of a row is, at its end: header.seq."""
+    return re.split(r"[\W_]+", name.strip(" .#"))[-1].lower() in _COUNTERS
+
+
+def tells_time(name: str) -> bool:
+    """Tell whether a column is called as a time is, or ends in a unit of time."""
+    return called_a_time(name) or _convertible(likely_unit(name, "s"), "s")
 
 
 def unit_left_out(foreign: str, name: str) -> str:

@@ -173,7 +173,7 @@ def _check_rows(path: Path, table: RawTable) -> None:
             more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
             few = 2 * len(bad) < rows
             remedy = "delete those rows or fill them in" if few else "fill it in, or leave the column out of the file"
-            says = ", which stands for an overload or a missing reading" if np.isfinite(values[bad[0]]) else ""
+            says = "" if np.isnan(values[bad[0]]) else ", which stands for an overload or a missing reading"
             raise IdentifyError(f"{path}: {where}: is {values[bad[0]]}{says}{more}; {remedy}")
         largest = float(np.max(np.abs(values)))
         if 0.0 < largest < LEAST:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
-from firmloop.identify.recordings.columns import Column, RowClock
+from firmloop.identify.recordings.columns import Column, RowClock, called_a_counter
 from firmloop.identify.recordings.guess import (
     Guessed,
     guess_columns,
@@ -86,18 +87,20 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
         )
     columns = guess_columns(first, time)
     first, levels = _with_levels(first, [each.raw for each in files[1:]], columns)
-    still = tuple(each for each in columns if np.ptp(first.columns[first.names.index(each.foreign)]) == 0.0)
+    held = dict(zip(first.names, first.columns, strict=True))
+    still = tuple(each for each in columns if np.ptp(held[each.foreign]) == 0.0)
+    counts = [each for each in columns if _counts(each, held[each.foreign])]
     # What is read from a plant moves within a recording: where it only differs from one to the next, it is no answer.
     still += tuple(each for each in columns if each.foreign in levels and each.reads > 0 and not each.reference)
-    moving = tuple(each for each in columns if each not in still and not each.reference)
+    moving = tuple(each for each in columns if each not in still and each not in counts and not each.reference)
     asked = sorted(
         (each for each in columns if each not in still and each.reference), key=lambda each: not each.commands
     )
     if not moving or len(moving) + len(asked) < 2:
-        held = ", ".join(each.foreign for each in (*moving, *asked)) or "none"
+        there = ", ".join(each.foreign for each in (*moving, *asked)) or "none"
         alone = _FREELY.format(still[0].foreign if still else "a column of zeros") if moving and not first.words else ""
         raise IdentifyError(
-            f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {held}"
+            f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {there}"
             f"{told_words(first.words)}{'; write decimal numbers there, such as 0 and 1' if first.words else ''}{alone}"
         )
     pushed = _pushed(moving, first, levels)
@@ -130,6 +133,15 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     asides = [_aside(each, each in still, levels) for each in columns if each.foreign not in named]
     asides += [f"column {name} {holds} and is not used" for name, holds in first.words.items() if name not in left_out]
     return Guesses(recordings, rename, clock, time, drive, outputs, tuple(asides))
+
+
+def _counts(column: Guessed, values: Array) -> bool:
+    """Tell whether a column counts rows, or is called as one more clock and rises all the time."""
+    steps = np.diff(values)
+    clock = re.search("(?i)stamp|time|clock", column.foreign)
+    return not column.quantity and bool(
+        (called_a_counter(column.foreign) and np.all(steps == 1.0)) or (clock and np.all(steps > 0.0))
+    )
 
 
 def _unnamed_clock(table: RawTable) -> str:

@@ -12,19 +12,26 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.recordings.columns import tells_time
 from firmloop.identify.recordings.extent import text_extent, unzipped
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable
-from firmloop.identify.recordings.text.calendar_stamps import with_seconds, without_terminal_stamps
+from firmloop.identify.recordings.text.calendar_stamps import (
+    with_seconds,
+    with_terminal_stamps,
+    without_terminal_stamps,
+)
 from firmloop.identify.recordings.text.cells import bare, double_quoted, grouped, is_number, with_e
 from firmloop.identify.recordings.text.chatter import listed_lines, without_chatter
 from firmloop.identify.recordings.text.dialect import PLAIN, Dialect, cells_of, find_dialect, first_name, parting_mark
 from firmloop.identify.recordings.text.exports import read_export
+from firmloop.identify.recordings.text.fractions import with_fractions
 from firmloop.identify.recordings.text.frames import without_frames
 from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
 from firmloop.identify.recordings.text.lines import Lines
 from firmloop.identify.recordings.text.log_prefix import without_log_prefix
 from firmloop.identify.recordings.text.named_values import read_named_values
+from firmloop.identify.recordings.text.settings import read_settings
 from firmloop.identify.recordings.text.teleplot import read_teleplot
 from firmloop.identify.recordings.text.thousands import without_thousands
 from firmloop.identify.recordings.text.words import without_words
@@ -35,7 +42,7 @@ _THOUSAND = re.compile(rf"(?<![\d.]){grouped(',')}(?!\d)")
 _HEXADECIMAL = re.compile(r"(?:0[xX])?[0-9a-fA-F]+")
 _SAMPLE = 200  # rows that say what a column holds
 _STARTING = 60  # lines of noise that a board may send before it speaks
-_MINUS = "\u2212"  # of typesetters
+_MINUS, _INFINITE = "\u2212", "\u221e"  # of typesetters; of PicoScope, for a voltage beyond its range
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -77,14 +84,18 @@ def _read_text(content: bytes) -> RawTable | Misread:
     text, encoding = _decoded(content)
     if isinstance(text, Misread):
         return text
-    text, stamped = without_terminal_stamps(text.lstrip("\ufeff").replace(_MINUS, "-"))
+    text = text.lstrip("\ufeff").replace(_MINUS, "-").replace(_INFINITE, "inf")
+    text, stamps = without_terminal_stamps(text)
     text, logged = without_log_prefix(text)
-    encoding += (*stamped, *logged)
+    encoding += logged
     lines = Lines(text)
     begin = begins_json(lines)
-    if begin is not None:
-        return _from_json(text, begin, encoding)
-    return _read_columns(lines, encoding)
+    found = _read_columns(lines, encoding) if begin is None else _from_json(text, begin, encoding)
+    if stamps and isinstance(found, Misread):
+        return replace(found, remedy=found.remedy.partition("; without a column of times")[0])
+    if not stamps or isinstance(found, Misread):
+        return found
+    return with_terminal_stamps(found, stamps, any(map(tells_time, found.names)))
 
 
 def _from_json(text: str, begin: int, notes: tuple[str, ...]) -> RawTable | Misread:
@@ -121,10 +132,10 @@ def _read_columns(lines: Lines, encoding: tuple[str, ...]) -> RawTable | Misread
     if _begins(names, rows) and not all(map(is_number, names)):
         plain = _parsed(names, rows, _filled(lines, header), PLAIN)
         if isinstance(plain, RawTable):
-            return replace(plain, notes=(*encoding, *plain.notes))
+            return with_fractions(replace(plain, notes=(*encoding, *plain.notes)))
     bare_lines, framed = without_frames(lines)
-    found = read_teleplot(bare_lines) or read_export(bare_lines) or read_named_values(bare_lines)
-    found = found or _in_dialect(bare_lines)
+    found = read_teleplot(bare_lines) or read_export(bare_lines) or read_settings(bare_lines)
+    found = found or read_named_values(bare_lines) or _in_dialect(bare_lines)
     if isinstance(found, RawTable):
         return replace(found, notes=(*encoding, *framed, *found.notes))
     if found is not None:
@@ -225,7 +236,7 @@ def _in_dialect(lines: Lines) -> RawTable | Misread | None:
     units = ["s" if k == stamped else unit for k, unit in enumerate(found.units or ("",) * len(table.names))]
     left = {table.names[k]: holds for k, holds in words.items() if table.names[k]}
     aside = f"{aside} ({', '.join(left)})" if left else aside
-    return RawTable(
+    made = RawTable(
         tuple(table.names[k] for k in kept),
         tuple(table.columns[k] for k in kept),
         table.place,
@@ -234,6 +245,7 @@ def _in_dialect(lines: Lines) -> RawTable | Misread | None:
         (*found.notes, *table.notes, *filter(None, (quotes, exponents, stamps, marks, aside))),
         left,
     )
+    return with_fractions(made, kept.index(stamped) if stamped in kept else None)
 
 
 def _parsed(

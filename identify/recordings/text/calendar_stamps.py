@@ -7,22 +7,27 @@ either way round, nothing is taken but that it changes, and that is then midnigh
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from functools import lru_cache
 
+import numpy as np
+
+from firmloop.identify.recordings.table import RawTable
 from firmloop.identify.recordings.text.lines import Lines, last_filled
 
-_DATE = r"\d{4}[-/.]\d\d[-/.]\d\d|\d{1,2}[-/.](?:\d{1,2}|[A-Za-z]{3})[-/.]\d{4}"
-_CLOCK = (
-    r"(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d(?:MARK\d+)?)"
+_DATE = r"\d{4}[-/.]\d\d[-/.]\d\d|\d{1,2}[-/.](?:\d{1,2}|[A-Za-z]{3})[-/.](?:\d{4}|\d\d)"
+_CLOCK = (  # 12:00:01:250 has milliseconds
+    r"(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:MARK\d+|:\d{3})?))?"
     r"(?: ?(?P<half>[AaPp])[Mm])?(?: ?(?P<zone>Z|UTC|[-+]\d\d:?\d\d))?"
 )
 _STAMP = rf'"?(?<![\d:.])(?:(?P<date>{_DATE})(?:T| +))?{_CLOCK}(?![\d:])"?'
 _ALONE = re.compile(rf'(?<![^,;\t"])"?(?:{_DATE})"?(?=[,;\t]|$)')  # a date in a column of its own
 _TERMINAL = re.compile(
-    rf"\s*(?:\[(?:{_DATE})?[T ]*\d+:\d\d:\d\d[.,:\d]*\]|(?:{_DATE})?[T ]*\d+:\d\d:\d\d[.,:\d]* ?->) ?"
+    rf"\s*(?:\[(?:{_DATE})?[T ]*\d+:\d\d:\d\d[.,:\d]*\]|(?:{_DATE})?[T ]*\d+:\d\d:\d\d[.,:\d]* ?->"
+    rf"|(?:{_DATE})[T ]\d+:\d\d:\d\d[.,:\d]* +(?![AaPp][Mm])(?=[^\s,;]+[,;]\S*\s*$)) ?"
 )
+_QUOTED = re.compile('"[^"]*"')
 _DAY = 86400.0  # s
 _FEWEST = 3  # rows that make a table
 
@@ -50,16 +55,39 @@ class _Calendar:
         return _DAY * (self.day - self.first[0]) + (at - self.first[1])
 
 
-def without_terminal_stamps(text: str) -> tuple[str, tuple[str, ...]]:
-    """Return the text without what a terminal has put before every line, such as 12:34:56.789 -> or [12:34:56]."""
+def without_terminal_stamps(text: str) -> tuple[str, tuple[float, ...]]:
+    """Return the text without what a terminal has put before every line, such as 12:34:56.789 -> or [12:34:56].
+
+    Also when that was, in s from the first, line by line: nothing where there are none. A header may have been written
+    above them.
+    """
     if not all(map(_TERMINAL.match, last_filled(text, 1))):
         return text, ()
-    lines = [line for line in text.splitlines() if line.strip()]
-    stamp = _TERMINAL.match(lines[0]) if len(lines) >= _FEWEST else None
-    if stamp is None or not all(map(_TERMINAL.match, lines)):
+    lines = text.splitlines()
+    filled = [line for line in lines if line.strip()]
+    if len(filled) < _FEWEST or not all(map(_TERMINAL.match, filled[1:])):
         return text, ()
-    bare = "\n".join(_TERMINAL.sub("", line) for line in text.splitlines())
-    return bare, (f"has a stamp of the terminal before every line, left aside: {stamp.group().strip()!r}",)
+    clock, calendar, at = re.compile(_STAMP.replace("MARK", "[.,]")), _Calendar(), [0.0]
+    for line in lines:
+        before = _TERMINAL.match(line)
+        stamp = clock.search(before.group()) if before else None
+        at.append(calendar.seconds(stamp, "") if stamp else at[-1])
+    return "\n".join(_TERMINAL.sub("", line, count=1) for line in lines), tuple(at[1:])
+
+
+def with_terminal_stamps(table: RawTable, at: tuple[float, ...], timed: bool) -> RawTable:
+    """Put the time at which a terminal got each line before its columns, where none of them is the time."""
+    told = "has a stamp of the terminal before every line"
+    if timed or table.place != "line" or not any(at):
+        return replace(table, notes=(f"{told}, left aside", *table.notes))
+    stamps = np.array(at)[table.places - 1]
+    return replace(
+        table,
+        names=("stamp", *table.names),
+        columns=(stamps - stamps[0], *table.columns),
+        units=("s", *(table.units or ("",) * len(table.names))),
+        notes=(f"{told}, which is in the column stamp as seconds from the first", *table.notes),
+    )
 
 
 def with_seconds(lines: Lines) -> tuple[Lines, str, int | None]:
@@ -71,7 +99,7 @@ def with_seconds(lines: Lines) -> tuple[Lines, str, int | None]:
     mark = next((each for each in "\t;|," if each in last), " ")
     # Where a comma stands between columns it is no decimal mark.
     stamp = re.compile(_STAMP.replace("MARK", r"\." if mark == "," else "[.,]"))
-    found = stamp.search(last)
+    found = _found(stamp, last)
     if found is None:
         return lines, "", None
     shape = _shape(last, found, mark)
@@ -79,14 +107,14 @@ def with_seconds(lines: Lines) -> tuple[Lines, str, int | None]:
 
     def in_seconds(line: str) -> str:
         nonlocal rows, example
-        match = stamp.search(line)
+        match = _found(stamp, line)
         if match is None or _shape(line, match, mark) != shape:
             return line
         rows, example = rows + 1, example or match.group().strip('"')
         before, after = line[: match.start()], line[match.end() :]
-        alone = _ALONE.search(before) or _ALONE.search(after)
+        alone = _alone(line, match)
         seconds = f"{calendar.seconds(match, alone.group() if alone else ''):.9f}".rstrip("0").rstrip(".")
-        return f"{_ALONE.sub('0', before)}{seconds}{_ALONE.sub('0', after)}"
+        return f"{_ALONE.sub('date', before)}{seconds}{_ALONE.sub('date', after)}"
 
     out = Lines.of(map(in_seconds, lines))
     if rows < _FEWEST:
@@ -94,9 +122,20 @@ def with_seconds(lines: Lines) -> tuple[Lines, str, int | None]:
     return out, f"has stamps such as {example!r}, which are read as seconds from the first", shape[0]
 
 
+def _found(stamp: re.Pattern[str], line: str) -> re.Match[str] | None:
+    """Return the first stamp; beside a date 12:00 is hours and minutes, alone it may be minutes and seconds."""
+    found = stamp.search(line)
+    whole = found is not None and (found["second"] or found["date"] or _alone(line, found))
+    return found if whole else None
+
+
+def _alone(line: str, found: re.Match[str]) -> re.Match[str] | None:
+    return _ALONE.search(line[: found.start()]) or _ALONE.search(line[found.end() :])
+
+
 def _shape(line: str, found: re.Match[str], mark: str) -> tuple[int, int]:
     """Return how many columns stand before and after a stamp."""
-    before, after = line[: found.start()], line[found.end() :]
+    before, after = (_QUOTED.sub("", part) for part in (line[: found.start()], line[found.end() :]))
     if mark == " ":
         return len(before.split()), len(after.split())
     return before.count(mark), after.count(mark)
@@ -107,7 +146,7 @@ def _of_day(found: re.Match[str]) -> float:
     hour = int(found["hour"])
     if found["half"]:
         hour = hour % 12 + (12 if found["half"] in "Pp" else 0)
-    seconds = float(found["second"].replace(",", "."))
+    seconds = float(re.sub("[,:]", ".", found["second"] or "0"))
     return 3600.0 * hour + 60.0 * int(found["minute"]) + seconds - _ahead(found["zone"] or "")
 
 

@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 from itertools import chain, islice, pairwise, product
 
 from firmloop.identify.printed_units import is_unit
+from firmloop.identify.recordings.columns import called_a_counter, called_a_time
 from firmloop.identify.recordings.table import Misread
 from firmloop.identify.recordings.text.cells import bare, grouped, is_number, quoted_cells
+from firmloop.identify.recordings.text.words import ASIDE
 from firmloop.identify.units import carried_unit
 
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "spaces"}
@@ -145,9 +147,9 @@ def _with_header(lines: Sequence[str], table: Dialect) -> Dialect | Misread | No
         return _otherwise_parted(lines[above[0]], above[0] + 1, table, width) or _unnamed(lines, above[0], table, width)
     below, *higher = headers
     units: tuple[str, ...] = ()
-    if higher and _all_units(headers[below]) and higher[0] == above[above.index(below) + 1]:
-        units = tuple("" if unit in _NO_UNIT else unit for unit in map(_bare, headers[below]))
-        below, *higher = higher
+    if higher and higher[0] == above[above.index(below) + 1]:
+        units = _units_below(headers[higher[0]], headers[below], cells_of(lines[table.first], table))
+        below, *higher = higher if units else (below, *higher)
     if not units and not _tells(headers[below]):
         below = next((k for k in higher if _tells(headers[k])), below)
     start = below + 1 if not units else above[above.index(below) - 1] + 1
@@ -221,9 +223,10 @@ def _names(line: str, table: Dialect, width: int) -> tuple[str, ...]:
 
 
 def _numbered(line: str, table: Dialect, width: int) -> tuple[str, ...]:
-    """Return the names of a line that counts channels, as x-axis,1,2 does, else nothing."""
+    """Return the names of a line that counts channels, as x-axis,1,2,MATH does, else nothing."""
     cells = [cell.strip() for cell in cells_of(line, table)][:width]
-    counts = len(cells) == width and not is_number(cells[0]) and all(each.isdecimal() for each in cells[1:])
+    named = all(each.isdecimal() or (each and not is_number(each)) for each in cells[1:])
+    counts = len(cells) == width and not is_number(cells[0]) and named and any(map(str.isdecimal, cells[1:]))
     return tuple(cells) if counts and cells[0] else ()
 
 
@@ -240,6 +243,21 @@ def _all_units(names: tuple[str, ...]) -> bool:
     bare = [_bare(name) for name in names]
     said = [unit for unit in bare if unit not in _NO_UNIT]
     return any(unit != _ONE for unit in said) and all(map(is_unit, said))
+
+
+def _units_below(names: tuple[str, ...], line: tuple[str, ...], row: list[str]) -> tuple[str, ...]:
+    """Return the units that a line below the names has, nothing where it has none.
+
+    It may say again which columns count the rows and tell the time, and has words where a row has them.
+    """
+    again = [
+        cell == ASIDE
+        or (called_a_counter(name) and called_a_counter(said))
+        or (called_a_time(name) and called_a_time(said))
+        for name, said, cell in zip(names, line, row, strict=False)
+    ]
+    units = tuple("" if twice else _bare(said) for twice, said in zip(again, line, strict=True))
+    return tuple("" if unit in _NO_UNIT else unit for unit in units) if _all_units(units) else ()
 
 
 def _bare(unit: str) -> str:

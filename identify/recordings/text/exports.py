@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.printed_units import is_unit
 from firmloop.identify.recordings.table import Misread, RawTable
 
 Array = NDArray[np.float64]
 
 _ONE_X = "write it with one X column and one segment"
+_NUMBER = r"[-+]?[.\d]+(?:[eE][-+]?\d+)?"
 _KEEP = "export it again, or save one header line and one line per sample"
 
 
@@ -28,12 +31,13 @@ def read_export(lines: Sequence[str]) -> RawTable | Misread | None:
         return Misread("", "is an instrument's export whose header or numbers are damaged", _KEEP)
 
 
-def _tektronix(lines: Sequence[str]) -> RawTable | Misread:
-    """Take time and voltage from the fourth and fifth cell; the others hold settings."""
+def _beside_settings(lines: Sequence[str]) -> RawTable | Misread:
+    """Take time and voltage from the fourth and fifth cell; the others hold settings, as Tektronix and LeCroy write."""
     cells = [(k + 1, line.split(",")) for k, line in enumerate(lines) if line.strip()]
     source = next((row[1].strip() for _, row in cells if row[0].strip() == "Source"), "") or "CH1"
     rows = [(place, ",".join(row[3:5])) for place, row in cells]
-    return _columns(("time_s", source), rows, "is a Tektronix export; time_s is taken from it", 0.0, 1.0)
+    told = "is an export of Tektronix's kind, with settings beside its rows; time_s is taken from it"
+    return _columns(("time_s", source), rows, told, 0.0, 1.0)
 
 
 def _rigol(lines: Sequence[str]) -> RawTable | Misread:
@@ -44,7 +48,9 @@ def _rigol(lines: Sequence[str]) -> RawTable | Misread:
     width = next(k for k, name in enumerate(names) if name in ("Start", "Increment", ""))
     rows = [(place, ",".join(row[:width])) for place, row in rest]
     said = f"is a Rigol export; time_s is {start:g} s and {step:g} s a row"
-    return _columns(("time_s", *names[1:width]), rows, said, start, step)
+    found = _columns(("time_s", *names[1:width]), rows, said, start, step)
+    units = tuple(unit.strip().capitalize() for unit in settings[1:width])  # VOLT
+    return replace(found, units=("s", *units)) if isinstance(found, RawTable) and all(map(is_unit, units)) else found
 
 
 def _rigol_even(lines: Sequence[str]) -> RawTable | Misread:
@@ -116,7 +122,7 @@ def _columns(
 
 
 _READERS: tuple[tuple[str, Callable[[Sequence[str]], RawTable | Misread]], ...] = (
-    (r"Record Length,[^,]*,[^,]*,\s*[-+.\d]+[^,]*,", _tektronix),
+    (rf"[A-Za-z][\w ]*,[^,]*,[^,]*,\s*{_NUMBER}\s*,\s*{_NUMBER}\s*,*\s*$", _beside_settings),
     (r"X,.*Increment", _rigol),
     (r".*t0\s*=.*tInc\s*=", _rigol_even),
     (r"LabVIEW Measurement", _labview),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from firmloop.identify.recordings.text.cells import is_number
+from firmloop.identify.recordings.text.cells import is_number, quoted_cells
 from firmloop.identify.recordings.text.lines import Lines
 
 _MARKS = ("\t", ";", "|", ",", " ")
@@ -60,7 +60,7 @@ def _aside(
             filled += any(_is_number(row[j]) for j in words)
             return line
         rows += 1
-        return mark.join(ASIDE if j in words else cell for j, cell in enumerate(row))
+        return mark.join(ASIDE if j in words else f'"{cell}"' if mark in cell else cell for j, cell in enumerate(row))
 
     return Lines.of(map(aside, lines)), rows, filled
 
@@ -74,7 +74,9 @@ def _last_empty(lines: Lines, mark: str, width: int, end: int) -> int:
 
 
 def _cells(line: str, mark: str) -> list[str]:
-    return line.split() if mark == " " else line.split(mark)
+    if mark == " ":
+        return line.split()
+    return quoted_cells(line, mark) if '"' in line else line.split(mark)
 
 
 def _bare(cell: str) -> str:

@@ -160,3 +160,13 @@ def test_the_reference_of_a_first_project_is_one_that_can_be_held(
     assert signals["measurement"]["high"] > reference["high"]
     assert main(["design", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 0
     assert "never reached" not in (shown := capsys.readouterr().out) and "reference not reached" not in shown
+
+
+@pytest.mark.parametrize("counter", ["Index", "No.", "header.seq", "header.stamp"])
+def test_a_number_of_the_row_and_a_second_clock_are_no_signals(counter: str, said: Said) -> None:
+    """The row's number of a recorder was taken for what answers the input."""
+    counts = 5e7 * np.arange(ROWS) if counter.endswith("stamp") else np.arange(ROWS) + 1.0
+    status, told = said({"time_s": TIME, counter: counts, "CH1V": PULSE, "CH2V": lagged(PULSE, 0.1, 2.0)})
+    assert status == 0, told
+    assert "plant: first_order, CH1_V -> CH2_V" in told
+    assert f"column {counter} is not used" in told
