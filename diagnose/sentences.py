@@ -10,6 +10,7 @@ from pathlib import Path
 from firmloop.diagnose.discrepancy.fit import Shape
 from firmloop.diagnose.finding import Finding, Named, Shift
 from firmloop.diagnose.model.candidate import Candidate
+from firmloop.diagnose.plant_words import balance_told, in_its_words
 from firmloop.diagnose.policy import (
     CHANCE_DRAWS,
     FAILED_RMS,
@@ -62,7 +63,8 @@ def paragraph(
         for each in sorted(finding.effects, key=lambda one: one.probability):  # the surest is not in question
             term = search.problem.term(each.name)
             if term is not None:
-                said.append(f"To tell {each.name} apart: {term.effect.experiment.rstrip('.')}.")
+                test = in_its_words(search.problem.plant, term.effect.experiment.rstrip("."))
+                said.append(f"To tell {each.name} apart: {test}.")
                 break
     said += [each.told() for each in finding.effects]
     if finding.effects:
@@ -217,16 +219,6 @@ def _about_disturbance(plant: Plant, finding: Finding, missed: float) -> list[st
             f"{balance_told(plant, name)} makes{share}{meant}."
         )
     return said
-
-
-def turns(plant: Plant) -> bool:
-    """Tell whether a plant turns or moves something; a lag does where its output is called so."""
-    return plant.delay is None or plant.outputs[0].name.partition("_")[0] in ("speed", "position")
-
-
-def balance_told(plant: Plant, name: str) -> str:
-    """Name a balance; that of a lag that turns nothing and moves nothing by its output."""
-    return f"{name} balance" if turns(plant) else f"balance of {plant.outputs[0].name}"
 
 
 def _percent(share: float) -> str:

@@ -24,6 +24,7 @@ from firmloop.diagnose.model.sandwich_covariance import doubtful
 from firmloop.diagnose.model.scale_doubt import interval_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.model.slopes import residual_of
+from firmloop.diagnose.plant_words import balance_told, constant_told, in_its_words, turns
 from firmloop.diagnose.policy import (
     COUNTED_SAMPLES,
     FIRM_TO_SAY,
@@ -43,13 +44,12 @@ from firmloop.diagnose.search.found import Search, as_near, candidates_of, riche
 from firmloop.diagnose.search.improved import blurred, directs
 from firmloop.diagnose.search.simulation_error import needed
 from firmloop.diagnose.search.usual_values import untold
-from firmloop.diagnose.sentences import balance_told, paragraph, turns
+from firmloop.diagnose.sentences import paragraph
 from firmloop.identify.fitting.noise import Noise, flat, whiteness
 from firmloop.identify.normal import NORMAL_95
 from firmloop.identify.plants.attach import acts_at, parameters_of
 from firmloop.identify.plants.effects import find_effect
 from firmloop.identify.plants.plant import Plant
-from firmloop.identify.units import stem_of
 
 Array = NDArray[np.float64]
 
@@ -210,7 +210,7 @@ def _read_off(problem: Problem, each: Direct) -> Named:
         )
     }
     figures = ", ".join(f"{name} {_with_interval(estimate)}" for name, estimate in estimates.items())
-    says = f"{effect.says.rstrip('.')} ({each.output}): {figures}."
+    says = f"{in_its_words(problem.plant, effect.says.rstrip('.'))} ({each.output}): {figures}."
     return Named(each.effect, each.output, "sensor", 1.0, estimates, says, str(each.output))
 
 
@@ -266,12 +266,11 @@ def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability:
         interval = interval_of(each, value, reach, sure)
         estimates[each.name] = Estimate(value, interval, each.unit)
     place = term.place_told(problem.plant)
-    # What moves a lag is in its output's unit, whatever the name says that the effect has on an axis.
-    lagging = problem.plant.delay is not None and term.effect.place == "torque"
-    if lagging and not turns(problem.plant):
-        place = balance_told(problem.plant, "torque")
-    says = f"{term.effect.says.rstrip('.')}" + (f" ({place})" if place else "")
-    names = {name: stem_of(name) if lagging and stem_of(name) else name for name in estimates}
+    plant, acts = problem.plant, term.effect.place
+    if plant.delay is not None and acts == "torque" and not turns(plant):
+        place = balance_told(plant, acts)
+    says = in_its_words(plant, term.effect.says.rstrip(".")) + (f" ({place})" if place else "")
+    names = {name: constant_told(plant, name, acts) for name in estimates}
     figures = ", ".join(f"{names[name]} {_with_interval(each)}" for name, each in estimates.items())
     return Named(
         term.effect.name,
@@ -311,7 +310,8 @@ def _alternatives(search: Search, shown: Candidate, candidates: Sequence[Candida
     for weight, candidate in zip(weights[1:], others, strict=True):
         for term in candidate.fitted.terms:
             if term not in mine and term.effect.name not in found:
-                found[term.effect.name] = Alternative(term.effect.name, weight, term.effect.experiment)
+                test = in_its_words(search.problem.plant, term.effect.experiment)
+                found[term.effect.name] = Alternative(term.effect.name, weight, test)
     return tuple(found.values())
 
 

@@ -67,7 +67,7 @@ ROOMS: dict[str, tuple[tuple[str, ...], ...]] = {
         ("plant_fmu",),
     ),
     "diagnose": (
-        ("policy", "finding"),
+        ("policy", "finding", "plant_words"),
         ("data",),
         ("model",),
         ("search",),

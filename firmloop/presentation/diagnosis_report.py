@@ -18,6 +18,7 @@ from firmloop.diagnose.model.disturbance_smoother import Latent, latent
 from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import outputs_of
 from firmloop.diagnose.model.slopes import residual_of
+from firmloop.diagnose.plant_words import balance_told, missing_told
 from firmloop.diagnose.policy import IMPOSSIBLE
 from firmloop.identify.normal import NORMAL_95
 from firmloop.presentation.code_words import figure, percent
@@ -63,7 +64,7 @@ def diagnosis_sections(made: Diagnosis, cut: Cut | None) -> list[str]:
         *_scatter(made),
         *_unnamed(made.finding, made.search.problem.plant),
         "<h2>How sure, and how much is still missing</h2>",
-        *evidence_tables(finding),
+        *evidence_tables(finding, made.search.problem.plant),
         "<h2>The controller half</h2>",
         *controller_tables(cut),
         "<h2>What was weighed</h2>",
@@ -99,7 +100,7 @@ def effects_table(finding: Finding) -> list[str]:
     return ["<h2>Left out</h2>", page_table(head, rows)] if rows else []
 
 
-def evidence_tables(finding: Finding) -> list[str]:
+def evidence_tables(finding: Finding, plant: Plant) -> list[str]:
     """Return the evidence, the disturbances that what is left amounts to, and the misses of free simulations."""
     parts, found = [], finding.evidence
     if found is not None:
@@ -107,7 +108,12 @@ def evidence_tables(finding: Finding) -> list[str]:
         row = (found.criterion, figure(found.gain, ".1f"), str(found.library), chance)
         parts.append(page_table(("criterion", "drop", "terms tried", "by chance with a probability of"), [row]))
     rows = [
-        (name, figure(each.rms, ".3g"), each.unit, "" if each.share is None else percent(100.0 * each.share, ".2g"))
+        (
+            balance_told(plant, name).removesuffix(" balance"),
+            figure(each.rms, ".3g"),
+            each.unit,
+            "" if each.share is None else percent(100.0 * each.share, ".2g"),
+        )
         for name, each in finding.disturbance.items()
     ]
     if rows:
@@ -190,7 +196,7 @@ def _scatter(made: Diagnosis) -> list[str]:
     recording = problem.train[0]
     seen = latent(plant, recording, [noise.rms for noise in made.search.best.noises])
     if seen is None:
-        return ["<p>The equations of this plant allow no latent torque.</p>"]
+        return ["<p>The equations of this plant have no balance in which something could be missing.</p>"]
     law = _explained(made, plant) if shown.fitted.terms else None
     with styled(8.6, 2.6 * len(seen.kinds)) as figure:
         count = len(plant.states)
@@ -216,7 +222,7 @@ def _scatter(made: Diagnosis) -> list[str]:
 def _missing(plant: Plant, kind: str) -> str:
     """Name what is missing from a balance of a kind, with its unit; of a sensor there is none."""
     unit = next((balance_unit(plant, each) for each in plant.balances if each.kind == kind), "")
-    return f"missing {kind}, {unit}" if unit else f"missing {kind}"
+    return f"{missing_told(plant, kind)}, {unit}" if unit else missing_told(plant, kind)
 
 
 def _unnamed(finding: Finding, plant: Plant) -> list[str]:

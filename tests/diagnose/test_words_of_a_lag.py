@@ -38,8 +38,10 @@ def test_what_opposes_a_level_is_in_its_unit(output: str, unit: str, tmp_path: P
     said = said_of(tmp_path / "project.toml")
     told = " ".join(said["says"])
     assert "load_torque" in told and "rad" not in told and "N_m" not in told
+    assert "shaft" not in told and "torque" not in told.replace("load_torque", "")
+    assert all("shaft" not in each["experiment"] for each in said["alternatives"])
     load = next(each for each in said["effects"] if each["name"] == "load_torque")
-    assert re.search(rf"\(balance of {output}\): torque [\d.-]+ ± [\d.e-]+{unit}\.( |$)", told)
+    assert re.search(rf"\(balance of {output}\): size [\d.-]+ ± [\d.e-]+{unit}\.( |$)", told)
     assert load["parameters"]["torque_N_m"]["unit"] == unit.strip()
     if unit:  # nothing that moves rubs, sticks or has play there
         assert "friction" not in told and "backlash" not in told and "spring" not in told, told
