@@ -33,14 +33,17 @@ def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Exper
 
     Where values are missing, a grid of shapes is scored: the output is linear in the kind's scale, in the level that it
     rests at and in the initial state, so that these follow by linear least squares. Where all are given, they are the
-    first start and the others lie around it (Latin hypercube over the logarithms of the free ones).
+    first start and others lie around it (Latin hypercube over the logarithms of the free ones); the last is the best of
+    the grid, for what swings quicker than two rows tell follows them as well as what they tell, to a look.
     """
     given = np.array([parameter.value for parameter in plant.parameters])
     names = [parameter.name for parameter in plant.parameters]
-    if not np.any(np.isnan(given)):
-        return _around(plant, given)
     if {name for name, value in zip(names, given, strict=True) if math.isnan(value)} <= set(scale_and_level(plant)):
-        return _scored(plant, simulator, experiments, _around(plant, given))
+        whole = not np.any(np.isnan(given))
+        near = _around(plant, given) if whole else _scored(plant, simulator, experiments, _around(plant, given))
+        bare = unguided(plant)
+        more = bare is not None and np.sum(np.isnan([p.value for p in bare.parameters])) > np.sum(np.isnan(given))
+        return (*near, *(starting_points(bare, simulator, experiments)[:1] if bare is not None and more else ()))
     step = min(made.course.step for made in experiments)
     span = max(float(made.course.time[-1] - made.course.time[0]) for made in experiments)
     shapes = find_kind(plant.kind).shapes(step, span)

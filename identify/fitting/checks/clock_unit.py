@@ -19,11 +19,42 @@ _ALIKE = 0.9  # correlation of every output with the plant as given, on the righ
 _OVER = 3.0  # time constants, after which 5 % of a decay is left
 _STILL = 1e-9  # of the quickest mode: what only sums up
 _SHARE = 0.4  # of the clock's factor, in logarithms, that a value has to have moved to make up for it
+_WINDING, _ROTOR = 0.2, 1e-4  # s; time constants beyond those of any motor that is sold
+_TOLD = 0.1  # relative deviation of a parameter that the recordings tell
 _BETTER = 0.4  # of what is not explained on the clock as it is
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
-    """Try every unit on the first recording."""
+    """Try every unit on the first recording, and ask whether a motor has the time constants that are found."""
+    return _other_unit(evidence) or _no_motor(evidence)
+
+
+def _no_motor(evidence: Evidence) -> tuple[str, ...]:
+    """Tell time constants that no motor has: as given they may fit the clock as it is, and be as wrong.
+
+    A voltage or a current in another unit leaves both as they are.
+    """
+    if evidence.fit is None or evidence.fit.plant.kind != "dc_motor":
+        return ()
+    held = {p.name: p for p in evidence.fit.plant.parameters}
+    known = {name: p.value for name, p in held.items() if p.value > 0.0 and _is_told(p)}
+    source, cure = evidence.recordings[0].source, "give the column its unit in [recordings.rename], or convert it"
+    if {"L_H", "R_ohm"} <= known.keys() and (slow := known["L_H"] / known["R_ohm"]) > _WINDING:
+        says = f"time_s of {source} looks like milliseconds: L_H / R_ohm comes out as {slow:.3g} s"
+        return (f"{says}, and no winding of a motor takes more than {_WINDING:g} s to fill; {cure}",)
+    if {"J_kg_m2", "R_ohm", "kt_N_m_A", "ke_V_s_rad"} <= known.keys():
+        quick = known["J_kg_m2"] * known["R_ohm"] / (known["kt_N_m_A"] * known["ke_V_s_rad"])
+        if quick < _ROTOR:
+            says = f"time_s of {source} looks like thousands of seconds: J R / (kt ke) comes out as {quick:.3g} s"
+            return (f"{says}, and no rotor comes up to speed in less than {_ROTOR:g} s; {cure}",)
+    return ()
+
+
+def _is_told(parameter: Parameter) -> bool:
+    return not parameter.free or (parameter.deviation is not None and parameter.deviation < _TOLD * parameter.value)
+
+
+def _other_unit(evidence: Evidence) -> tuple[str, ...]:
     recording = evidence.recordings[0]
     plain = unexplained(evidence, recording)
     if plain is None or max(plain) < 1.0 - _ALIKE**2:
