@@ -28,7 +28,7 @@ def tell_noun(console: Console, noun: object) -> None:
         case Designed():
             tell_design(console, noun.design, noun.loop)
         case Code():
-            tell_code(console, noun.generated)
+            tell_code(console, noun.generated, noun.design.law.safe)
             if noun.unstable:
                 console.lines([words.UNSTABLE_LOOP])
             if noun.not_judged:

@@ -6,6 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from firmloop.stages.making import Generated
     from firmloop.verify.proofs.limit_cycles import AtRest, ZeroInput
 
@@ -60,6 +62,18 @@ def about_code(generated: Generated) -> list[str]:
         if table.form == "fl_qp_t"
     ]
     return lines + (about_still(generated.still) if generated.still else [])
+
+
+def about_unused_safe(generated: Generated, safe: Sequence[float | None]) -> list[str]:
+    """Say that `safe_output` acts in no sample of fixed point, and what stands for it."""
+    if not any(each is not None for each in safe) or not generated.program.arithmetic.startswith("fixed"):
+        return []
+    pairs = [(value, each) for value, each in zip(generated.program.outputs, safe, strict=True) if each is not None]
+    told = " and ".join(f"{value.name} = {in_unit(f'{each:g}', value.unit)}" for value, each in pairs)
+    return [
+        "  safe_output acts in no sample: in fixed point every input is a number, and the code has no such status bit; "
+        f"where a reading may be none, command {told} in place of step(), before it is converted"
+    ]
 
 
 def about_still(still: ZeroInput) -> list[str]:

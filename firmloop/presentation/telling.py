@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from firmloop.presentation import documents, words
-from firmloop.presentation.code_words import about_code
+from firmloop.presentation.code_words import about_code, about_unused_safe
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from firmloop.console import Console
     from firmloop.design.design import Design
     from firmloop.identify.fitting.fit import Fit
@@ -27,8 +29,10 @@ def tell_design(console: Console, design: Design, loop: Loop | None) -> None:
     console.result("controller", documents.design_document(design, loop))
 
 
-def tell_code(console: Console, generated: Generated) -> None:
-    """Files, number format, proofs and rounding."""
-    console.lines(about_code(generated))
+def tell_code(console: Console, generated: Generated, safe: Sequence[float | None] = ()) -> None:
+    """Files, number format, proofs and rounding; `safe` is what the project wants for an input that is no number."""
+    without = about_unused_safe(generated, safe)
+    console.lines(about_code(generated) + without)
     sizes = {name: len(text.encode()) for name, text in generated.bundle.files.items()}
-    console.result("code", {"manifest": generated.manifest, "bytes": sizes})
+    noted = {"notes": [line.strip() for line in without]} if without else {}
+    console.result("code", {"manifest": generated.manifest, "bytes": sizes, **noted})

@@ -221,6 +221,38 @@ def test_a_wrong_safe_output_is_refused_in_one_sentence(
     assert words in said and "Traceback" not in said and "internal" not in said
 
 
+PID = """schema = 1
+name = "loop"
+[controller]
+kind = "pid"
+period_s = 0.01
+kp = 1.0
+ki = 2.0
+safe_output = -3.0
+[signals]
+reference = { unit = "degC", low = -50, high = 50 }
+measurement = { unit = "degC", low = -50, high = 50 }
+output = { unit = "V", low = -12, high = 12 }
+[arithmetic]
+number = "float32"
+[target]
+names = ["host"]
+"""
+
+
+@pytest.mark.parametrize("arithmetic", ["float32", 'fixed"\nbits = "16', 'fixed"\nbits = "32'])
+def test_a_project_is_told_that_fixed_point_has_no_use_for_its_safe_output(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arithmetic: str
+) -> None:
+    text = PID.replace('"float32"', f'"{arithmetic}"').replace('"16"', "16").replace('"32"', "32")
+    assert generated(tmp_path, text) == 0
+    said = capsys.readouterr().out
+    assert said.count("safe_output acts in no sample") == (arithmetic != "float32")
+    assert ("command output = -3 V in place of step(), before it is converted" in said) == (arithmetic != "float32")
+    assert generated(tmp_path, text.replace("safe_output = -3.0\n", "")) == 0
+    assert "safe_output" not in capsys.readouterr().out
+
+
 def test_a_table_names_some_of_several_outputs() -> None:
     request = EXAMPLES["state_space"]
     table = {**request.table, "safe_output": {"right": 0.25}}
