@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from firmloop.stages.board.tape import Made, Setting, Tape
 from firmloop.stages.board.watching import Watching
@@ -44,23 +44,26 @@ def take(
     LinkError
         when none come any more, or a value is refused; what came before is on the tape.
     """
-    _set(link, tape, due(0))
-    link.watch(extent.names, extent.every)
     course = Watching(link.period, extent.every, time.monotonic())
+    _set(link, tape, due(0), course)
+    link.watch(extent.names, extent.every)
+    course = replace(course, begun_at=time.monotonic())
     while course.passed < max(1, extent.steps - extent.every) and not stopped():
         for part in link.samples(WAIT):
             if len(part.rows):
                 course = course.after(part.rows["step"], time.monotonic())
                 tape.append(part.rows, part.lost, course.passed)
         if course.begun:
-            _set(link, tape, due(course.passed))
+            _set(link, tape, due(course.passed), course)
             report(min(1.0, course.passed / max(1, extent.steps)), f"{course.passed:,} steps")
         course.check(extent.steps, time.monotonic())
 
 
-def _set(link: LiveLink, tape: Tape, settings: Iterable[Setting]) -> None:
+def _set(link: LiveLink, tape: Tape, settings: Iterable[Setting], course: Watching) -> None:
     for setting in settings:
-        tape.note(Made(setting, link.set(setting.name, setting.value)))
+        made = Made(setting, link.set(setting.name, setting.value))
+        course.check_set(setting.name, made.step, time.monotonic())
+        tape.note(made)
 
 
 def schedule(settings: Sequence[Setting]) -> Due:

@@ -47,7 +47,7 @@ class Watching:
         before = np.concatenate([[self.last if self.begun else int(steps[0]) - 1], steps[:-1]]).astype(np.uint32)
         ahead = (steps - before).astype(np.int64)  # of 32 bits: backwards is far ahead
         passed = self.passed + int(ahead.sum()) - (0 if self.begun else 1)
-        most = (AHEAD + FASTER * (now - began)) / self.period + 2 * self.every
+        most = self._most(now - began)
         if not ahead.all() or (steps % self.every).any() or passed > most:
             k = int(np.argmax((ahead == 0) | (ahead > most) | (steps % self.every != 0)))
             raise LinkError(
@@ -55,6 +55,18 @@ class Watching:
                 f"of {self.period:g} s: was it reset? watch again"
             )
         return replace(self, begun_at=began, heard_at=now, last=int(steps[-1]), passed=passed)
+
+    def _most(self, seconds: float) -> float:
+        """Return the most steps that a run makes in so long."""
+        return (AHEAD + FASTER * seconds) / self.period + 2 * self.every
+
+    def check_set(self, name: str, step: int, now: float) -> None:
+        """Raise LinkError when a setting is said to act from a step on that is past, or not yet to be thought of."""
+        if self.begun and self.passed + (step - self.last) % 2**32 > self._most(now - self.begun_at):
+            raise LinkError(
+                f"the controller says that {name} is set from step {step} on, after step {self.last}, which no run "
+                "does: was it reset? watch again"
+            )
 
     def check(self, steps: int, now: float) -> None:
         """Raise LinkError when nothing came for long, or the `steps` to be seen take far longer than they should."""

@@ -139,6 +139,16 @@ def test_a_silent_or_slow_one_ends_by_the_clock(monkeypatch: pytest.MonkeyPatch)
         slow.check(100, 62.01)
 
 
+@pytest.mark.parametrize(("step", "sound"), [(6, True), (9, True), (5, False), (0, False), (2**32 - 1, False)])
+def test_a_setting_acts_neither_before_it_was_asked_for_nor_in_a_year(step: int, sound: bool) -> None:
+    course = Watching(0.001, 1, 0.0).after(np.array([5, 6], np.uint32), 0.0)
+    if sound:
+        course.check_set("kp", step, 0.1)
+        return
+    with pytest.raises(LinkError, match=rf"kp is set from step {step} on, after step 6, which no run does"):
+        course.check_set("kp", step, 0.1)
+
+
 class Board:
     """A board that computes what it should, behind a socket, and makes up what each step cost it."""
 
