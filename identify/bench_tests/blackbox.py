@@ -276,10 +276,10 @@ def continuous(model: SampledModel, period: float) -> Continuous:
             "it in a closed loop and fit a plant with physics; otherwise take a drift of the output out with "
             "recordings.conditioning.detrend, or try another structure or a lower order"
         )
-    bad = [pole for pole in poles if abs(pole.imag) < 1e-9 and pole.real <= 1e-6]
+    bad = without_a_form(model)
     if bad:
         raise IdentifyError(
-            f"model: the fit has a pole at {bad[0].real:.3g} in z, which no continuous plant of this order has; the "
+            f"model: the fit has a pole at {bad[0]:.3g} in z, which no continuous plant of this order has; the "
             "order is too high for these recordings, the sampling too slow, or the noise the sensor's (then "
             "structure = 'oe')"
         )
@@ -288,6 +288,18 @@ def continuous(model: SampledModel, period: float) -> Continuous:
     block[:order, :order], block[:order, order], block[order, order] = model.a, model.b, 1.0
     logarithm = np.real(scipy.linalg.logm(block)) / period
     return Continuous(logarithm[:order, :order], logarithm[:order, order], model.c, model.late * period)
+
+
+def without_a_form(model: SampledModel) -> list[float]:
+    """Return the poles of a stable model that no continuous one of its order has: negative ones, and 0."""
+    if unstable(model):
+        return []
+    return [float(pole.real) for pole in np.linalg.eigvals(model.a) if abs(pole.imag) < 1e-9 and pole.real <= 1e-6]
+
+
+def missed(model: SampledModel, records: Sequence[Record]) -> float:
+    """Return the sum of squares that a simulation misses."""
+    return float(sum(np.sum((record.output - _simulated(model, record)) ** 2) for record in records))
 
 
 def _size(beyond: float) -> str:

@@ -158,4 +158,7 @@ def rest_of_an_integrator(records: Sequence[Record], order: int, late: int) -> f
         return None
     rest = float(-slopes[0] / slopes[1])
     moved = [Record(one.source, one.drive - rest, one.output) for one in from_zero]
-    return rest if WRONG * least_miss(moved, order, late) < least_miss(without_means(records), order, late) else None
+    left = least_miss(moved, order, late)
+    # An output that drifts has a line, too.
+    others = (least_miss(each, order, late) for each in (without_means(records), without_lines(records)))
+    return rest if WRONG * left < min(others) else None

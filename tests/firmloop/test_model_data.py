@@ -280,3 +280,42 @@ def test_n4sid_says_where_output_error_leaves_less(tmp_path: Path, capsys: pytes
     step = np.where(np.arange(1500) > 250, 1.0, 0.0)
     found(left(tmp_path, step, 0, 0.01, (0.0, 0.0), 'structure = "n4sid"\n'))
     assert "n4sid leaves 0.01" in (said := capsys.readouterr().out) and "take structure = 'oe'" in said
+
+
+def lagged(drive: np.ndarray, late: int) -> np.ndarray:
+    """A first-order lag of gain 2 and 0.5 s."""
+    stays = np.exp(-PERIOD / 0.5)
+    return scipy.signal.lfilter([*[0.0] * late, 0.0, 2.0 * (1.0 - stays)], [1.0, -stays], drive)
+
+
+@pytest.mark.parametrize(("late", "seed"), [(0, 11), (40, 11), (3, 4)])
+def test_a_lower_order_is_taken_where_the_usual_one_has_no_continuous_form(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], late: int, seed: int
+) -> None:
+    """A lag alone was refused: 'a pole at -0.05 in z', with the structure that it had as a remedy."""
+    random = np.random.default_rng(seed)
+    drive = np.repeat(random.choice([-1.0, 1.0], 60), 25)
+    output = lagged(drive, late) + 0.01 * random.standard_normal(len(drive))
+    project = left(tmp_path, drive, 0, 0.0, (0.0, 0.0), "")
+    rows = [f"{k * PERIOD:.6g},{u:.9g},{y:.9g}" for k, (u, y) in enumerate(zip(drive, output, strict=True))]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *rows]) + "\n")
+    document = found(project)
+    assert document["gain"] == pytest.approx(2.0, rel=5e-3)
+    if len(document["poles_rad_s"]) == 1:
+        assert "order 1 is taken: a model of order 2 has no continuous form" in capsys.readouterr().out
+        (tmp_path / "project.toml").write_text(project.read_text() + "order = 2\n")
+        assert main(["model", str(project), "--out", str(tmp_path / "asked")]) == 2
+        assert "1 explains no less: write that" in capsys.readouterr().err
+
+
+def test_an_output_that_drifts_is_not_said_to_integrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    random = np.random.default_rng(11)
+    drive = np.repeat(random.choice([-1.0, 1.0], 60), 25)
+    time = PERIOD * np.arange(len(drive))
+    output = lagged(drive, 0) + 0.1 * time + 0.01 * random.standard_normal(len(drive))
+    project = left(tmp_path, drive, 0, 0.0, (0.0, 0.0), "")
+    rows = [f"{t:.6g},{u:.9g},{y:.9g}" for t, u, y in zip(time, drive, output, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *rows]) + "\n")
+    assert main(["model", str(project), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "drifts by" in said and "integrates" not in said

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from firmloop.identify.bench_tests.blackbox import (
+    CERTAIN,
     EVEN,
     STRUCTURES,
     Continuous,
@@ -20,8 +21,10 @@ from firmloop.identify.bench_tests.blackbox import (
     companion,
     continuous,
     integrating,
+    missed,
     redrawn,
     unstable,
+    without_a_form,
 )
 from firmloop.identify.bench_tests.delay_search import (
     DelaysAlike,
@@ -59,6 +62,7 @@ from firmloop.stages.saturation import cut_input, refuse_saturated
 MOST_ORDER = 12
 DRAWS = 40  # of the model with its own residuals, for intervals
 _NO_POLE = 1e-9  # of the fastest pole: rounding of one at 0
+_NO_FORM = "a model of order {} has no continuous form"
 
 
 def _whole(part: ProjectTable, key: str, default: int, low: int, high: int) -> int:
@@ -243,7 +247,11 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
                 if unstable(sampled) and spoiled_by_lines(records, order, late):
                     raise IdentifyError(about_drift(records, project.plant.input, project.plant.outputs[0]))
             check_answer(structure, records, sampled, delays_tried(records) if searched else 1)
-            made = continuous(sampled, period)
+            lower = _lower(structure, records, sampled, searched) if without_a_form(sampled) else None
+            if lower is not None and "order" in asked.values:
+                raise asked.wrong("order", f"{_NO_FORM.format(order)}; {len(lower.a)} explains no less: write that")
+            made = continuous(lower or sampled, period)
+            sampled = lower or sampled
         plant = _ode(project, made)
         judged = {
             role: [_judge(project, plant, recording) for recording in recordings]
@@ -262,8 +270,22 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         *_about_drift(project, records, plain),
         early,
     )
-    notes = (*data.notes, *filter(None, about))
+    fewer = f"order {len(sampled.a)} is taken: {_NO_FORM.format(order)}, and explains no more"
+    notes = (*data.notes, *filter(None, about), *((fewer,) if lower is not None else ()))
     return BlackBox(structure, period, sampled, made, found, plant, judged, spread, cut, notes)
+
+
+def _lower(structure: str, records: Sequence[Record], sampled: SampledModel, searched: bool) -> SampledModel | None:
+    """Return the model of the highest lower order that has a continuous form and explains no less; None without one."""
+    rows, left = sum(len(one.output) for one in records), missed(companion(sampled), records)
+    for order in range(len(sampled.a) - 1, 0, -1):
+        late = best_delays(records, order).best if searched else sampled.late
+        found = integrating(STRUCTURES[structure](records, order, late), records)
+        if unstable(found) or without_a_form(found):
+            continue
+        more = scipy.special.chdtri(2 * (len(sampled.a) - order), 1.0 - CERTAIN)  # by chance, of coefficients more
+        return found if missed(companion(found), records) <= left * (1.0 + more / rows) else None
+    return None
 
 
 def _about_drift(project: Project, records: Sequence[Record], plain: SampledModel) -> Sequence[str]:
