@@ -6,13 +6,14 @@ A constant beside the line is no drift, and hides none: of a zero that wanders f
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
-from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, left_after, remainders
+from firmloop.identify.fitting.evidence import Evidence, Explanation, Remainder, explained, left_after, remainders
 from firmloop.identify.fitting.residual_tests import independent
 
 Array = NDArray[np.float64]
@@ -33,10 +34,12 @@ def look(evidence: Evidence) -> tuple[str, ...]:
         columns = [_alone(part, k, part.time - part.time.mean()) for part in parts]
         steady = [_with_constant(part, k) for part in parts]
         line = explained(steady, weights, columns)
-        if line.share < _SHARE:
-            continue
-        samples = independent([left[:, k] for left in left_after(line, steady, weights, columns)])
-        if -samples * math.log(max(1.0 - line.share, 1e-300)) < _CERTAIN:
+        rest = left_after(line, steady, weights, columns)
+        share = _of_its_output(line, rest, k)
+        if (
+            share < _SHARE
+            or -independent([left[:, k] for left in rest]) * math.log(max(1.0 - share, 1e-300)) < _CERTAIN
+        ):
             continue
         span = max(float(np.ptp(part.time)) for part in parts)
         moves = max(float(np.ptp(each.columns[output.name])) for each in evidence.recordings)
@@ -48,6 +51,13 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             f'wanders, write detrend = ["{output.name}"] in [recordings.conditioning]'
         )
     return tuple(found)
+
+
+def _of_its_output(line: Explanation, rest: Sequence[Array], k: int) -> float:
+    """Return the share of what is left of output k that the line explains: noise of other outputs hides none of it."""
+    every, own = (float(sum(np.sum(left**2) for left in parts)) for parts in (rest, [left[:, k] for left in rest]))
+    explains = every * line.share / max(1.0 - line.share, 1e-300)
+    return explains / max(explains + own, 1e-300)
 
 
 def _alone(part: Remainder, k: int, values: Array) -> Array:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.host.identify_faults import changed, swing
+from bench.host.identify_faults import changed, motor, swing
 from firmloop.cli import main
 from firmloop.identify.fitting.checks.structure import answering, features
 from firmloop.project.project import read_project
@@ -42,3 +42,14 @@ def test_a_drift_from_where_a_reading_began_is_told(
     project = written(tmp_path / "log", made) / "project.toml"
     assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 0
     assert f"leaves of level drifts by {size:.1g}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("output", "size"), [("speed_rad_s", 30.0), ("speed_rad_s", 6.0), ("current_A", 0.6)])
+def test_a_drift_of_one_output_is_told_beside_the_noise_of_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], output: str, size: float
+) -> None:
+    """The line was a fifth of all that was left, for the noise of the other output was counted with it."""
+    made = changed(motor(np.random.default_rng(4)), **{output: lambda v: v + np.linspace(0.0, size, len(v))})
+    project = written(tmp_path / "log", made) / "project.toml"
+    assert main(["identify", str(project), "--out", str(tmp_path / "out")]) == 0
+    assert f"leaves of {output} drifts by" in capsys.readouterr().out
