@@ -30,10 +30,11 @@ _VALUE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-z\u00
 # Keys as far as their letters and digits go.
 _STEPS = frozenset(
     "hresolution xresolution xinc xincrement xinterval timeinterval timeresolution timeincrement sampleinterval "
-    "samplinginterval sampleperiod samplingperiod sampletime samplingtime horizontalresolution deltax deltat dt".split()
+    "samplinginterval sampleperiod samplingperiod sampletime samplingtime horizontalresolution deltax deltat dt "
+    "abtastintervall abtastzeit abtastperiode messintervall".split()
 )
 _STEPS_WITH_UNIT = frozenset("clock sampling".split())  # CLOCK may be a time of day, too
-_RATES = frozenset("samplerate samplingrate samplefrequency samplingfrequency fs".split())
+_RATES = frozenset("samplerate samplingrate samplefrequency samplingfrequency fs abtastrate abtastfrequenz".split())
 _STARTS = frozenset("hoffset xorg xorigin xzero xat0 xstart t0".split())
 _TIMES = ("hunit", "xunit", "xunits", "horizontalunit", "horizontalunits")
 _NAMES = ("tracename", "label", "labels", "source", "channel", "title")
@@ -85,7 +86,8 @@ def _settings(lines: Sequence[str]) -> dict[str, _Setting]:
     for line in lines:
         match = _SETTING.match(line)
         if match is not None:
-            values = tuple(map(bare, re.split(r"[,;\t]", match.group(3))))
+            mark = next((each for each in "\t;" if each in line), ",")
+            values = tuple(map(bare, match.group(3).split(mark)))
             while values and not values[-1]:
                 values = values[:-1]
             found[_key(match.group(1))] = _Setting((match.group(2) or "").strip(), values)
@@ -141,8 +143,7 @@ def _header(line: str, width: int, filled: list[int]) -> tuple[str, ...]:
     mark = next((each for each in "\t;," if each in line), ",")
     cells = [bare(cell) for cell in line.split(mark)]
     names = [cells[j] for j in filled] if len(cells) == width else []
-    others = [cell for j, cell in enumerate(cells) if j not in filled]
-    if not any(names) or not all(names[1:]) or any(others) or _key(names[0]) in _KEYS:
+    if not any(names) or not all(names[1:]) or any(cells[: filled[0]]) or _key(names[0]) in _KEYS:
         return ()
     return () if any(is_number(name) or re.search(r"[:=]|\d[-/.]\d", name) for name in names) else tuple(names)
 
@@ -208,7 +209,7 @@ def _times(setting: _Setting, otherwise: str) -> list[float]:
     """Return the values of a setting, s; `otherwise` is their unit where none stands beside them."""
     found = []
     for value in setting.values:
-        match = _VALUE.fullmatch(value.strip())
+        match = _VALUE.fullmatch(value.strip().replace(",", "."))
         factor = _in_seconds((match.group(2) or setting.unit or otherwise) if match else "")
         if match and factor is not None:
             found.append(float(match.group(1)) * factor)

@@ -119,6 +119,19 @@ RECORDERS: dict[str, tuple[str, str, str, str]] = {
         "read as seconds from the first",
     ),
     "a header of ROS": ("\n".join([ROS, *SINCE_1970]), "u", "header.stamp.sec", "added to header.stamp.sec"),
+    "Tektronix with a column that is empty": (
+        joined("Model,TBS1102B\nSample Interval,5.0E-02\nLabel,\nTIME,CH1,CH1 Peak Detect", TIME, VOLT, end=","),
+        "CH1",
+        "TIME",
+        "the header is line 4",
+    ),
+    "a rate above the names": (joined("# Sample rate: 20 Hz\nu,temp", VOLT, HEAT), "u", "", "0.05 s a row"),
+    "an interval in German": (
+        joined("Abtastintervall;0,05\nu;temp", VOLT, HEAT, mark=";").replace(".", ","),
+        "u",
+        "",
+        "0.05 s a row",
+    ),
     "PuTTY": (f"=~=~=~= PuTTY log 2024.05.01 14:24:47 =~=~=~=\n{PLAIN}", "voltage_V", "", "the header is line 2"),
     "a separator for spreadsheets": (
         f"sep=;\n{PLAIN.replace(',', ';').replace('.', ',')}",
