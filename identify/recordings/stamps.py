@@ -28,6 +28,7 @@ _PRESCALED = {
 _SWAPPED = 50  # places that a logger, or a network, puts a row too early or too late
 _DOWN = 0.5  # of the steps: a clock that falls more often than it rises counts down
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
+_FEWEST = 3  # rows of a recording
 _CHANGES = 10  # of a stamp that say enough of the period
 _ON_GRID = 1e-3  # of a row: what is left of printed decimals by their binary fractions
 _LOOSE = 2.1  # ticks that stamps may be off: rounding at both ends, and a coarser tick after one digit more
@@ -219,7 +220,8 @@ def _fallen(time: Array, steps: Array, given: tuple[str, Column], plain: str, ta
             f"{_stamps_or_rows(time, wrong, usual, 'correct it or delete the row')}",
             _period_lines(time, wrong, usual),
         )
-    if np.all(-falls > 0.5 * (time[:-1][steps < 0.0] - time[0])):
+    parts = np.diff([0, *(fallen + 1), len(time)])  # rows of each recording, if so many it holds
+    if np.all(-falls > 0.5 * (time[:-1][steps < 0.0] - time[0])) and np.min(parts) >= _FEWEST:
         return IdentifyError(
             f"{plain}: time must rise; it begins anew there, so that the file holds {len(falls) + 1} recordings: split "
             f"it before {table.place} {table.places[k + 1]} and list the parts in [recordings]"

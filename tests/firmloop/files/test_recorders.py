@@ -222,3 +222,9 @@ def test_a_reading_beyond_the_range_of_a_scope_is_told_as_one(bench: Bench) -> N
 def test_blocks_and_rates_that_do_not_go_together_are_refused(content: str, told: str, bench: Bench) -> None:
     status, _, said = bench(content)
     assert status == 2 and told in said and "file of its own" in said
+
+
+def test_two_rows_that_are_exchanged_where_a_file_begins_are_no_recording(bench: Bench) -> None:
+    status, _, said = bench("\n".join([HEADER, ROWS[1], ROWS[0], *ROWS[2:]]))
+    assert status == 2
+    assert "sort the rows by time if the logger has swapped them" in said and "begins anew" not in said
