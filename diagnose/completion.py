@@ -64,7 +64,7 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
     shaped = outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
     stuck = strays(found) or alone is not None or shaped or (not found.best.fitted.terms and rivals_noise(found))
     tried, spent = None, found.problem.engine.steps
-    other = by_simulation(found, progress)
+    other = by_simulation(found, progress) if alone is None else None
     begun += found.problem.engine.steps - spent  # that search has its own patience
     if other is None and stuck:
         other, tried = exhausted(found) or in_pieces(found, progress), found
@@ -92,6 +92,18 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         elif _may_be_chance(sure):
             return replace(found, best=found.nominal), shape  # no law that holds the same load is sure, either
     return sure, shape
+
+
+def begun_anew(found: Search, progress: Progress) -> tuple[Search, Shape | None] | None:
+    """Return what a search by simulation error alone finds from the nominal plant, and its shape; None if nothing.
+
+    To be asked where what innovations have found does not hold: a model of noise has made noise of the motion.
+    """
+    other = by_simulation(replace(found, best=found.nominal, rounds=(), gains=()), progress)
+    if other is None:
+        return None
+    sure = _confirmed(rested(levelled(retimed(other if other.problem.samples else _resumed(other)))))
+    return None if _alone(sure) is not None else (sure, best_shape(sure, sure.best))
 
 
 def _may_be_chance(found: Search) -> bool:

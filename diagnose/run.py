@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from firmloop.diagnose.completion import completed
+from firmloop.diagnose.completion import begun_anew, completed
 from firmloop.diagnose.data.channels import check_sound
 from firmloop.diagnose.data.checks import Preflight, preflight
 from firmloop.diagnose.data.prepare import Apart, prepared, two_machines
@@ -33,7 +33,7 @@ from firmloop.diagnose.search.harmless import (
     plain_refit,
     simulated_figures,
 )
-from firmloop.diagnose.search.held_out import holding, told
+from firmloop.diagnose.search.held_out import Kept, holding, told
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.run_to_run import differing
 from firmloop.diagnose.search.stepwise import search
@@ -105,7 +105,7 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     refit = plain_refit(made.search, plant, whole)
     progress(0.9, "simulating what is left out of the fit")
     plain = Simulations(refit, whole)
-    kept, crossed, safe = holding(made.search, plain)
+    made, (kept, crossed, safe) = _held(made, plain, progress)
     problem = make_problem(plant, seen, unseen, made.checks.floors) if unseen else made.search.problem
     found = replace(made.search if kept is None else kept, problem=replace(made.search.problem, test=problem.test))
     same = kept is None or kept.best.fitted.terms == made.search.best.fitted.terms
@@ -140,6 +140,17 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
     own = differing(freely["train"]["after"], refit=not explained and finding.verdict == "unknown_physics")
     finding = _measured(finding, found, shown, shape, figures, own)
     return Diagnosis(finding, found, unnamed if not explained else None, written)
+
+
+def _held(made: _Found, plain: Simulations, progress: Progress) -> tuple[_Found, Kept]:
+    """Return what was found and what of it holds; where nothing does, what a search by simulation error finds."""
+    kept = holding(made.search, plain)
+    anew = begun_anew(made.search, progress) if kept.search is None else None
+    if anew is None:
+        return made, kept
+    again = _beside(*anew, made.checks)
+    other = holding(again.search, plain)
+    return (made, kept) if other.search is None else (again, other)
 
 
 def _one(found: Search, apart: Apart) -> bool:
@@ -214,6 +225,11 @@ def _explained(plant: Plant, train: Sequence[Recording], progress: Progress) -> 
         other, rest = completed(search(again, progress), progress)
         if other.best.score < found.best.score:
             found, shape = other, rest
+    return _beside(found, shape, checks)
+
+
+def _beside(found: Search, shape: Shape | None, checks: Preflight) -> _Found:
+    """Return what was found with what may stand beside it: twins, and values that the project holds."""
     found = replace(found, rounds=(*found.rounds, twins(found.problem, found.best, found.rounds)))
     sure, notes, held_value = against_given(found)
     if sure.best is not found.best:

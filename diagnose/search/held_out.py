@@ -36,7 +36,7 @@ from firmloop.diagnose.search.found import Search, as_near, candidates_of, near_
 from firmloop.diagnose.search.harmless import Simulations, no_worse, same_function
 from firmloop.diagnose.search.improved import improved_plant
 from firmloop.diagnose.search.left_out import Contender, LeftOut, left_out
-from firmloop.diagnose.search.simulation_error import independent, misfits
+from firmloop.diagnose.search.simulation_error import independent, misfits, nearer
 from firmloop.identify.fitting.noise import oversized, white
 from firmloop.identify.normal import NORMAL_95
 
@@ -70,13 +70,15 @@ class _Part:
     def foresees(self) -> bool:
         """What was left out comes far nearer than by the refit, or nearer and what is left is white; no output less so.
 
-        White noise as large as what is left leaves nothing to explain.
+        So do simulations of train, as fitted: else a refit to less of it has only lost its way. White noise as large as
+        what is left leaves nothing to explain.
         """
         pairs = [(each.get("after", np.inf), each.get("refit", 0.0)) for each in self.left.figures.values()]
         bare = all(noise.rms < WIDER_RMS * noise.scale for noise in self.search.best.noises)
         least = NEARER_RMS if bare else CLOSER_RMS
-        nearer = 0.0 < _ratio(self.left.figures) < least and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
-        return nearer and likely(self.search.best.fitted)
+        ahead = 0.0 < _ratio(self.left.figures) < least and all(mine <= SAME_RMS * theirs for mine, theirs in pairs)
+        best, nominal = self.search.best.fitted, self.search.nominal.fitted
+        return ahead and likely(best) and nearer(best, nominal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,10 +289,10 @@ def _whole(found: Search, bench: _Bench) -> _Part:
     """
     before = found.best.fitted
     plainly = _plainly(found, before)
-    nearer = clearly_nearer(plainly.best.fitted, before)
-    plain = bench.plain(plainly) if nearer else None
+    far = clearly_nearer(plainly.best.fitted, before)
+    plain = bench.plain(plainly) if far else None
     if plain is None or not plain.safe:
-        other = before if nearer else with_other_answer(before, plainly.best.fitted.point.values)
+        other = before if far else with_other_answer(before, plainly.best.fitted.point.values)
         noisy = not oversized(found.best.noises)  # else intervals are those of a misfit
         if noisy or all(strength(other, term) > NORMAL_95 for term in before.terms):
             made = bench.part(replace(found, best=replace(found.best, fitted=other)))

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+import firmloop.diagnose.run as run
+from firmloop.diagnose.completion import completed
+from firmloop.diagnose.discrepancy.fit import Shape
+from firmloop.diagnose.policy import IMPOSSIBLE
+from firmloop.diagnose.search.found import Progress, Search
 from tests.diagnose.cases import black_box_project, said_of
 
 Array = NDArray[np.float64]
@@ -70,3 +77,31 @@ def test_friction_in_ramps_and_a_delay_in_a_step_are_found_behind_readings_that_
     assert low < 0.5 * (0.1 + 0.064 + 0.02) < high
     figures = said["simulation_rms"]["train"]["speed_rad_s"]
     assert figures["after"] < 0.2 * figures["refit"]
+
+
+def test_what_a_search_led_astray_has_found_gives_way_to_what_simulates_nearer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What had been found did not hold, and the refit was written beside "unknown physics"."""
+
+    def astray(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
+        """End with the worst of all that was tried of what opposes no motion."""
+        whole, shape = completed(found, progress)
+        tried = [
+            each
+            for turn in whole.rounds
+            for each in turn
+            if each.score < IMPOSSIBLE
+            and not any("friction" in term.label or "dead_zone" in term.label for term in each.fitted.terms)
+        ]
+        return replace(whole, best=max(tried, key=lambda each: each.score)), shape
+
+    monkeypatch.setattr(run, "completed", astray)
+    random, time = np.random.default_rng(4), np.arange(0.0, 6.0, STEP)
+    drive = np.repeat(np.repeat(random.uniform(-6.0, 6.0, 12), 25), 20)
+    table = np.column_stack([time, drive, turned(drive) + random.normal(0.0, 0.05, len(time))])[::20]
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="time_s,voltage_V,speed_rad_s", comments="")
+    text = WHEEL.replace('["up.csv", "down.csv", "step.csv"]', '["log.csv"]')
+    (tmp_path / "project.toml").write_text(text, encoding="utf-8")
+    said = said_of(tmp_path / "project.toml")
+    assert "coulomb_friction" in {each["name"] for each in said["effects"]}, said["says"]
