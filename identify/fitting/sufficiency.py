@@ -45,14 +45,15 @@ def check_moving(recordings: Sequence[Sequence[Experiment]]) -> None:
 def dead_outputs(readings: Sequence[Array], drives: Sequence[Array]) -> list[tuple[int, int]]:
     """Return which recordings (n, r) hold an output that stands still throughout, as (recording, output).
 
-    Not where friction or a dead zone may hold it: it moves in other recordings, and each of those is driven further.
+    Not where nothing drives it, or friction or a dead zone may hold it: it moves in other recordings, and each of those
+    is driven further.
     """
     still = np.array([np.ptp(each, axis=0) == 0.0 for each in readings])
     reach = np.array([np.max(np.abs(each), axis=0) for each in drives])
     found = []
     for k, column in np.argwhere(still):
         moving = reach[~still[:, column]]
-        if len(moving) == 0 or not np.all(np.any(moving > reach[k], axis=1)):
+        if len(moving) == 0 or (np.any(reach[k]) and not np.all(np.any(moving > reach[k], axis=1))):
             found.append((int(k), int(column)))
     return found
 

@@ -104,3 +104,12 @@ def test_no_length_is_advised_where_the_fit_ran_away(
     main(["identify", "p.toml", "--out", "out"])
     said = "".join(capsys.readouterr())
     assert "too short" not in said and ("gain" in said)
+
+
+def test_a_recording_that_nothing_drives_may_stand_still_beside_one_that_runs_out() -> None:
+    plant = make_plant("first_order", "u", ["y"], {**STARTS["first_order"], "delay_s": {"value": 0.0, "free": False}})
+    time, still = np.linspace(0.0, 3.0, 60), np.zeros(60)
+    running_out = make_recording(time, {"u": still, "y": 2.0 * np.exp(-time / 0.4)}, "decay.csv", "")
+    resting = make_recording(time, {"u": still, "y": still}, "still.csv", "")
+    found = fit(plant, [step(200, 2.0), running_out, resting], [], NONE)
+    assert {p.name: p.value for p in found.plant.parameters}["time_constant_s"] == pytest.approx(0.4, rel=1e-3)
