@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.hardly_told import MISSING, POOR, hardly_known, told_together
+from firmloop.identify.plants.operating_point import OUTPUT
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.stillness import FEWEST
 
 Array = NDArray[np.float64]
 
@@ -46,7 +48,26 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             f"{len(plant.outputs)} output{'s' if len(plant.outputs) > 1 else ''} need {needed}: record steps or a "
             "sweep (firmloop excite makes one), or fix parameters with free = false",
         )
-    return _poorly(evidence)
+    return _few_rows_tell(evidence) or _poorly(evidence)
+
+
+def _few_rows_tell(evidence: Evidence) -> tuple[str, ...]:
+    """Say that a gain and a level of rest are told apart by the few rows before the only step.
+
+    Not of a recording that is taken to begin at rest, and not where steps end at several levels.
+    """
+    plant, drives = evidence.given, [each.columns[evidence.given.inputs[0].name] for each in evidence.recordings]
+    free = {each.name for each in plant.parameters if each.free}
+    steps = [np.flatnonzero(np.diff(drive)) + 1 for drive in drives]
+    one = all(len(each) == 1 and each[0] < FEWEST for each in steps) and len({drive[-1] for drive in drives}) == 1
+    if not {"gain", OUTPUT} <= free or not one or any(each.from_rest for each in evidence.recordings):
+        return ()
+    drive, rows = drives[0], int(steps[0][0])
+    return (
+        f"{plant.inputs[0].name} changes once, from {drive[0]:g} to {drive[-1]:g} after {rows} row"
+        f"{'s' if rows > 1 else ''}, which alone tell gain and {OUTPUT} apart: record longer before the step, or give "
+        f"{OUTPUT} with free = false",
+    )
 
 
 def _levels(plant: Plant, free: int, drives: Sequence[Array]) -> tuple[str, ...]:

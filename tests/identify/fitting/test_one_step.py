@@ -79,6 +79,14 @@ def test_of_steps_that_begin_at_different_temperatures_none_is_taken_to_begin_at
     assert found["output_at_rest"][0] == pytest.approx(AMBIENT_DEGC, abs=0.5)
 
 
+def test_a_step_from_a_heater_that_was_on_is_told_to_leave_gain_and_rest_to_two_rows(tmp_path: Path) -> None:
+    project = heated(tmp_path, [50.0], before=2)
+    log = (tmp_path / "0.csv").read_text(encoding="utf-8")
+    (tmp_path / "0.csv").write_text(log.replace("\n0,0,", "\n0,20,").replace("\n1,0,", "\n1,20,"), encoding="utf-8")
+    (said,) = (each for each in fl.identify(fl.load(project)).fit.warnings if "changes once" in each)
+    assert "heater_percent changes once, from 20 to 50 after 2 rows" in said and "output_at_rest" in said
+
+
 def test_a_heater_that_still_cools_before_its_step_is_not_taken_to_begin_at_rest(tmp_path: Path) -> None:
     found = fitted(heated(tmp_path, [50.0], before=60, warm=[10.0]))
     assert found["output_at_rest"][0] == pytest.approx(AMBIENT_DEGC, abs=1.0)
