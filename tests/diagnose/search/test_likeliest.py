@@ -83,10 +83,12 @@ def test_outputs_weighed_as_something_else_leaves_them_keep_that_ratio(tmp_path:
     assert np.mean((left / weights) ** 2) == pytest.approx(1.0, rel=0.01)
 
 
-def _part(after: float, refit: float, parts: int = 1, left: float = 3.0) -> _Part:
+def _part(after: float, refit: float, parts: int = 1, left: float = 3.0, train: float = 0.5) -> _Part:
+    """Return a part that leaves `after` of what was left out, the refit `refit`, and a share of it in `train`."""
     out = LeftOut({"speed": {"after": after, "refit": refit}}, {"after": (np.ones((9, 1)),) * parts})
-    fitted = SimpleNamespace(terms=())
-    search = SimpleNamespace(best=SimpleNamespace(fitted=fitted, noises=(Noise(np.zeros(0), 1.0, left),)))
+    fitted, nominal = (SimpleNamespace(terms=(), residuals=(np.full((9, 1), rms),)) for rms in (train, 1.0))
+    best = SimpleNamespace(fitted=fitted, noises=(Noise(np.zeros(0), 1.0, left),))
+    search = SimpleNamespace(best=best, nominal=SimpleNamespace(fitted=nominal))
     return _Part(search, False, out, 1.0)  # type: ignore[arg-type]
 
 
@@ -95,6 +97,7 @@ def test_what_foresees_far_more_than_the_refit_is_right_though_it_may_not_be_wri
     assert not _part(3.0, 4.0).foresees
     assert _part(3.4, 4.0, left=1.0).foresees, "white noise is all that is left"
     assert not _part(3.8, 4.0, left=1.0).foresees
+    assert not _part(0.02, 4.0, train=1.0).foresees, "it explains nothing of what the fit saw"
     assert not replace(_part(0.02, 4.0), left=LeftOut({}, {})).foresees
 
 
