@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import firmloop.diagnose.run as run
-from firmloop.diagnose.completion import completed
 from firmloop.diagnose.discrepancy.fit import Shape
-from firmloop.diagnose.policy import IMPOSSIBLE
+from firmloop.diagnose.model.candidate import rated
+from firmloop.diagnose.model.fit import fit
+from firmloop.diagnose.model.hypothesis import Point
 from firmloop.diagnose.search.found import Progress, Search
 from tests.diagnose.cases import black_box_project, said_of
 
@@ -85,21 +86,18 @@ def test_what_a_search_led_astray_has_found_gives_way_to_what_simulates_nearer(
     """What had been found did not hold, and the refit was written beside "unknown physics"."""
 
     def astray(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
-        """End with the worst of all that was tried of what opposes no motion."""
-        whole, shape = completed(found, progress)
-        tried = [
-            each
-            for turn in whole.rounds
-            for each in turn
-            if each.score < IMPOSSIBLE
-            and not any("friction" in term.label or "dead_zone" in term.label for term in each.fitted.terms)
-        ]
-        return replace(whole, best=max(tried, key=lambda each: each.score)), shape
+        """End with a delay, which explains next to nothing."""
+        problem, nominal = found.problem, found.nominal.fitted
+        late = problem.term("input_delay")
+        assert late is not None
+        begin = Point({**nominal.point.values, **problem.starts[late.label][0]}, nominal.point.starts)
+        fitted = fit(problem, problem.train, (late,), begin, found.nominal.noises, 2)
+        return replace(found, best=rated(problem, fitted), rounds=()), None
 
     monkeypatch.setattr(run, "completed", astray)
     random, time = np.random.default_rng(4), np.arange(0.0, 6.0, STEP)
     drive = np.repeat(np.repeat(random.uniform(-6.0, 6.0, 12), 25), 20)
-    table = np.column_stack([time, drive, turned(drive) + random.normal(0.0, 0.05, len(time))])[::20]
+    table = np.column_stack([time, drive, turned(drive) + random.normal(0.0, 0.25, len(time))])[::20]
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="time_s,voltage_V,speed_rad_s", comments="")
     text = WHEEL.replace('["up.csv", "down.csv", "step.csv"]', '["log.csv"]')
     (tmp_path / "project.toml").write_text(text, encoding="utf-8")
