@@ -21,6 +21,7 @@ from firmloop.diagnose.model.fit import fit_starts
 from firmloop.diagnose.model.hypothesis import make_problem, outputs_of
 from firmloop.diagnose.model.slopes import residual_of
 from firmloop.diagnose.policy import HOLD_GAIN
+from firmloop.diagnose.search.anew import Settings
 from firmloop.diagnose.search.chance import evidence_of
 from firmloop.diagnose.search.exchange import twins
 from firmloop.diagnose.search.found import Progress, Search
@@ -144,13 +145,17 @@ def diagnose(plant: Plant, train: Sequence[Recording], test: Sequence[Recording]
 
 def _held(made: _Found, plain: Simulations, progress: Progress) -> tuple[_Found, Kept]:
     """Return what was found and what of it holds; where nothing does, what a search by simulation error finds."""
-    kept = holding(made.search, plain)
-    anew = begun_anew(made.search, progress) if kept.search is None else None
-    if anew is None:
+    kept, engine = holding(made.search, plain), made.search.problem.engine
+    if kept.search is not None:
         return made, kept
-    again = _beside(*anew, made.checks)
-    other = holding(again.search, plain)
-    return (made, kept) if other.search is None else (again, other)
+    before = Settings.of(engine)
+    if (anew := begun_anew(made.search, progress)) is not None:
+        again = _beside(*anew, made.checks)
+        other = holding(again.search, plain)
+        if other.search is not None:
+            return again, other
+    before.restore(engine)
+    return made, kept
 
 
 def _one(found: Search, apart: Apart) -> bool:

@@ -33,7 +33,7 @@ from firmloop.identify.simulation.superset import Superset
 Array = NDArray[np.float64]
 
 
-class _Settings(NamedTuple):
+class Settings(NamedTuple):
     """How a simulator is set, so that a search that finds nothing leaves it as it was."""
 
     recorded: bool
@@ -42,7 +42,7 @@ class _Settings(NamedTuple):
     longest_change: float
 
     @classmethod
-    def of(cls, engine: Superset) -> _Settings:
+    def of(cls, engine: Superset) -> Settings:
         """Return how a simulator is set now."""
         return cls(engine.recorded, engine.lost, engine.strayed, engine.longest_change)
 
@@ -64,7 +64,7 @@ def by_simulation(found: Search, progress: Progress) -> Search | None:
     """
     if not answers(found):
         return None
-    problem, before = found.problem, _Settings.of(found.problem.engine)
+    problem, before = found.problem, Settings.of(found.problem.engine)
     progress(0.8, "looking at simulation error alone")
     until = problem.engine.steps + SEARCH_PATIENCE
     plain = search(replace(problem, samples=MISFIT_SAMPLES, memory={}), lambda *_: None, 1, found.refit)
@@ -97,7 +97,7 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
     train = _cut(problem.train)
     if len(train) == len(problem.train):
         return None
-    engine, before = problem.engine, _Settings.of(problem.engine)
+    engine, before = problem.engine, Settings.of(problem.engine)
     engine.amend({})
     best = search(replace(problem, train=train, memory={}), progress, 1).best.fitted  # the rest goes on with the whole
     engine.hasten(before.longest_change)
