@@ -75,8 +75,15 @@ def believable(fitted: Fitted) -> bool:
 
 
 def likely(fitted: Fitted) -> bool:
-    """Tell whether every effect is believable, and by its own interval likelier something than nothing."""
-    return believable(fitted) and all(strength(fitted, term) > EVEN_CHANCE for term in fitted.terms)
+    """Tell whether every effect is believable and distinct, and by its own interval likelier something than nothing."""
+    sure = believable(fitted) and all(strength(fitted, term) > EVEN_CHANCE for term in fitted.terms)
+    return sure and distinct(fitted)
+
+
+def distinct(fitted: Fitted) -> bool:
+    """Tell whether no effect may stand for what the plant makes of a change of its input."""
+    asked = [(term.effect.distinct, term) for term in fitted.terms]
+    return all(ask is None or ask([fitted.point.values[key] for key in term.keys], term.scales) for ask, term in asked)
 
 
 def _own(fitted: Fitted, term: LibraryTerm) -> bool:

@@ -242,9 +242,10 @@ class Effect:
     (constants) that returns a double. `holding(site, values)` is what a controller can give against it, None where it
     cannot; `unmet` then says why, in half a sentence. `possible(site, scales)` says whether recordings of these sizes
     may show it, `bounded(parameter, scales)` narrows a parameter to what they can tell, `within(values, scales)` brings
-    a fit's values back to where they are this effect's at all, `believable(values, scales)` says
-    whether a fit's values are still this effect's, `becomes(values, scales)` names the simpler effect that they amount
-    to, blank for none; None where they do not matter.
+    a fit's values back to where they are this effect's at all, `believable(values, scales)` says whether a fit's values
+    are still this effect's, `distinct(values, scales)` whether they may stand for no change of the input,
+    `becomes(values, scales)` names the simpler effect that they amount to, blank for none; None where they do not
+    matter.
     `coordinate` is what it is seen against, blank for its term; `contains` are the effects that are special cases of
     it; `units` those of the outputs that a sensor effect can act on, none for any. An input and a reading pass through
     their effects in the order of `stage`. `contact` begins the names of the parameters that say where bodies meet, how
@@ -284,6 +285,7 @@ class Effect:
     bounded: Callable[[EffectParameter, Scales], EffectParameter] | None = None
     within: Callable[[Sequence[float], Scales], tuple[float, ...]] | None = None
     believable: Callable[[Sequence[float], Scales], bool] | None = None
+    distinct: Callable[[Sequence[float], Scales], bool] | None = None
     becomes: Callable[[Sequence[float], Scales], str] | None = None
     coordinate: str = ""
     contains: tuple[str, ...] = ()

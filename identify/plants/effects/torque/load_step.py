@@ -34,13 +34,14 @@ def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
 
 
 def believable(values: Sequence[float], scales: Scales) -> bool:
-    """Tell whether the load comes on between the ends, which are rarely what they seem: before, it was always there.
+    """Tell whether the load comes on between the ends, which are rarely what they seem: before, it was always there."""
+    moment = values[1]
+    return min(moment - scales.begin, scales.end - moment) >= _END * (scales.end - scales.begin)
 
-    What comes on where the input is switched is what the machine makes of its input.
-    """
-    moment, none = values[1], (scales.begin, scales.end, *scales.switched)
-    apart = min(abs(moment - each) for each in none) >= _END * (scales.end - scales.begin)
-    return apart and scales.begin < moment < scales.end
+
+def distinct(values: Sequence[float], scales: Scales) -> bool:
+    """Tell whether it comes on where the input is not switched: else it is what the machine makes of its input."""
+    return all(abs(values[1] - each) >= _END * (scales.end - scales.begin) for each in scales.switched)
 
 
 EFFECT = Effect(
@@ -65,6 +66,7 @@ EFFECT = Effect(
     switches=(0,),
     unmet="nobody knows beforehand when the load comes; the integral meets it",
     believable=believable,
+    distinct=distinct,
     coordinate="time",
     contains=("load_torque",),
     slow=True,
