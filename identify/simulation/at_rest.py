@@ -93,8 +93,9 @@ def begun_at_rest(plant: Plant, recordings: Sequence[Recording]) -> tuple[Record
     if plant.varying or not any(each.name == OUTPUT and each.free for each in plant.parameters):
         return tuple(recordings)
     steps = [_one_step(plant, each) for each in recordings]
-    begun = [measured(plant, each)[0] for each, one in zip(recordings, steps, strict=True) if one]
-    spans = [np.ptp(measured(plant, each), axis=0) for each in recordings]
+    outputs = [measured(plant, each) for each in recordings]
+    begun = [each[0] for each, one in zip(outputs, steps, strict=True) if one]
+    spans = [np.ptp(each, axis=0) for each in outputs]
     if not begun or np.any(np.ptp(begun, axis=0) > _SAME_REST * np.max(spans, axis=0)):
         return tuple(recordings)
     return tuple(replace(each, from_rest=one) for each, one in zip(recordings, steps, strict=True))

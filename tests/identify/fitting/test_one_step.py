@@ -10,7 +10,7 @@ import pytest
 import scipy
 
 import firmloop as fl
-from tests.diagnose.cases import said_of
+from tests.diagnose.cases import lag_project, said_of
 
 GAIN, TIME_CONSTANT_S, AMBIENT_DEGC, ROWS = 0.65, 150.0, 22.0, 600
 
@@ -30,23 +30,9 @@ def heated(
         columns = np.column_stack([time, percent, np.round(read, 1)])
         header = "time_s,heater_percent,temperature_degC"
         np.savetxt(folder / names[-1], columns, delimiter=",", header=header, comments="", fmt="%.6g")
-    (folder / "heater.toml").write_text(
-        f"""schema = 1
-name = "heater"
-[recordings]
-train = {names}
-[plant]
-kind = "first_order"
-input = "heater_percent"
-outputs = ["temperature_degC"]
-[plant.parameters]
-gain = {{ value = 0.5, free = true }}
-time_constant_s = {{ value = 100, free = true }}
-delay_s = {{ value = 0.0, free = false }}
-output_at_rest = {{ value = 20, free = true }}
-""",
-        encoding="utf-8",
-    )
+    text = lag_project("heater_percent", "temperature_degC", 0.5, 100, names)
+    text += "output_at_rest = { value = 20, free = true }\n"
+    (folder / "heater.toml").write_text(text, encoding="utf-8")
     return folder / "heater.toml"
 
 
