@@ -1,8 +1,8 @@
 """Read one recording back from every format and dialect, by the command line: `python -m bench.host.formats`.
 
 `firmloop simulate` copies the columns of a recording that the plant does not give, each number as it was read. They
-are equal to what was written (the time to 1 ps), or the file is refused with a sentence. The exit status is 1 where
-one is neither.
+are equal to what was written (the time to 1 ps, what is in mV to one rounding), or the file is refused with a sentence.
+The exit status is 1 where one is neither.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import contextlib
 import io
 import sys
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -22,6 +23,8 @@ from firmloop.cli import main as firmloop
 from tests.firmloop.columns import plain_file as plain
 from tests.firmloop.files.test_dialects import DIALECTS, EXPORTS, STAMPS
 from tests.firmloop.files.test_marks_and_objects import DOCUMENTS, MARKED, SAMPLES, SPEED
+from tests.firmloop.files.test_readings_with_units import LINES, OURS
+from tests.firmloop.files.test_recorders import RECORDERS, renamed
 from tests.identify.recordings.test_measurement_formats import COLUMNS, WRITERS, mcap_of
 from tests.identify.recordings.test_recording_files import mat73, npz, write_parquet
 
@@ -82,11 +85,16 @@ def written() -> Iterator[tuple[str, str, Callable[[Path], object], str, Mapping
         file = "r.lvm" if name.startswith("LabVIEW") else "r.csv"
         lines = f"[recordings.rename]\n{rename}"
         yield f"export, {name}", file, put(content), lines, columns
+    for name, (content, volt, time, _) in RECORDERS.items():
+        yield f"recorder, {name}", "r.csv", put(content), renamed(volt, time), columns
+    for name, content in LINES.items():
+        yield f"units behind the readings, {name}", "r.csv", put(content), OURS, columns
 
 
 def read_back(folder: Path, file: str, rename: str, wanted: Mapping[str, Array]) -> str:
     """Return "equal", the sentence of a refusal, or what is wrong."""
-    foreign = {line.split(" = ")[1].strip('"'): line.split(" = ")[0].strip('"') for line in rename.splitlines()[1:]}
+    rules = tomllib.loads(rename).get("recordings", {}).get("rename", {})
+    foreign = {rule["name"] if isinstance(rule, dict) else rule: name for name, rule in rules.items()}
     (folder / "p.toml").write_text(PROJECT.format(rename=rename, drive="voltage_V"))
     said = io.StringIO()
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
@@ -94,13 +102,19 @@ def read_back(folder: Path, file: str, rename: str, wanted: Mapping[str, Array])
     if status:
         return f"refused: {said.getvalue().strip()}" if status in (2, 3) else f"WRONG: exit {status}"
     lines = (folder / "out.csv").read_text().splitlines()
+    converted = b"mV" in (folder / file).read_bytes()
     names, rows = lines[0].split(","), np.array([line.split(",") for line in lines[1:]], dtype=float)
     for name, values in wanted.items():
         place = names.index(name if name in names else foreign.get(name, name))
-        exact = name != "time_s"
-        close = np.array_equal(rows[:, place], values) if exact else np.allclose(rows[:, place], values, 0, TOLERANCE)
+        found = rows[:, place]
+        if name == "time_s":
+            close = np.allclose(found, values, 0, TOLERANCE)
+        elif converted:
+            close = bool(np.all(np.abs(found - values) <= np.spacing(np.abs(values))))
+        else:
+            close = np.array_equal(found, values)
         if not close:
-            return f"WRONG: {name} is {np.abs(rows[:, place] - values).max():.3g} away"
+            return f"WRONG: {name} is {np.abs(found - values).max():.3g} away"
     return "equal"
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -46,6 +47,7 @@ def told_words(words: Mapping[str, str]) -> str:
 
 
 _FEWEST = 2  # columns of numbers: a time and one signal
+_MEASURED = re.compile(r"holds '[-+]?\d[\d.,]*\s*\D+'")  # 1168 counts
 
 
 def table_of_arrays(arrays: tuple[tuple[str, NDArray[np.generic]], ...]) -> RawTable | Misread:
@@ -98,11 +100,21 @@ def _unlike(arrays: Sequence[tuple[str, NDArray[np.generic]]]) -> dict[str, str]
     }
 
 
+def to_numbers(words: Iterable[str], usual: str) -> str:
+    """Return how what columns hold becomes numbers, `usual` but where they have numbers with a word behind each."""
+    if any(map(_MEASURED.match, words)):
+        return (
+            "take out what stands behind its numbers, and give what it stands for as unit or scale in "
+            "[recordings.rename]"
+        )
+    return usual
+
+
 def told_aside(name: str, holds: str) -> str:
     """Return what to say where a column is needed that was left aside."""
     if holds.startswith(("has ", "is a ")):
         return f"column {name} was left aside, for it {holds}; store it as one value a row"
-    return f"column {name} is no column of numbers, it {holds}; write numbers there"
+    return f"column {name} is no column of numbers, it {holds}; {to_numbers([holds], 'write numbers there')}"
 
 
 def without_row_numbers(table: RawTable) -> RawTable:

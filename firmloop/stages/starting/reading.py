@@ -24,7 +24,7 @@ from firmloop.identify.recordings.guess import (
     rename_of,
 )
 from firmloop.identify.recordings.recording import Recording, read_raw, recording_of
-from firmloop.identify.recordings.table import RawTable, told_words
+from firmloop.identify.recordings.table import RawTable, to_numbers, told_words
 from firmloop.identify.recordings.wrapping import wraps_at_a_turn
 from firmloop.identify.simulation.linear_filter import filtered
 from firmloop.identify.units import unit_of
@@ -37,6 +37,7 @@ _LAGS, _LONGEST_LAG = 20, 5.0  # tried, and what part of the recording the longe
 _EXPLAINED = 0.9  # of what moves besides a straight line, from which an output is told by the drive
 _RATHER = 0.25  # of what a lag leaves: an integral that leaves less is the better explanation
 _FOLLOWS = 0.7  # correlation with a command: half of what a signal does goes with it
+_DECIMAL = "write decimal numbers there"
 _FREELY = (
     "; init cannot tell what moves by itself, as a free decay: write its project by hand, with {} as plant.input and "
     "the equations that you expect (kind ode, or a stage of a machine)"
@@ -82,8 +83,8 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     if time is None and period is None:
         raise IdentifyError(
             f"{file}: no column seems to be the time; it has {', '.join(first.names)[:200]}{told_words(first.words)}; "
-            f"{'write decimal numbers there, or ' if first.words else ''}{_unnamed_clock(first)}give the time "
-            "between two rows, s, such as --period 0.001"
+            f"{f'{to_numbers(first.words.values(), _DECIMAL)}, or ' if first.words else ''}{_unnamed_clock(first)}"
+            "give the time between two rows, s, such as --period 0.001"
         )
     columns = guess_columns(first, time)
     first, levels = _with_levels(first, [each.raw for each in files[1:]], columns)
@@ -99,9 +100,10 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     if not moving or len(moving) + len(asked) < 2:
         there = ", ".join(each.foreign for each in (*moving, *asked)) or "none"
         alone = _FREELY.format(still[0].foreign if still else "a column of zeros") if moving and not first.words else ""
+        cure = f"; {to_numbers(first.words.values(), f'{_DECIMAL}, such as 0 and 1')}" if first.words else ""
         raise IdentifyError(
             f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {there}"
-            f"{told_words(first.words)}{'; write decimal numbers there, such as 0 and 1' if first.words else ''}{alone}"
+            f"{told_words(first.words)}{cure}{alone}"
         )
     pushed = _pushed(moving, first, levels)
     # Nothing is named as a drive: what an inner loop is asked for moves the plant, not what is read from it.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from firmloop.identify.recordings.columns import tells_time
 from firmloop.identify.recordings.extent import text_extent, unzipped
 from firmloop.identify.recordings.formats import Format
-from firmloop.identify.recordings.table import Misread, RawTable
+from firmloop.identify.recordings.table import Misread, RawTable, to_numbers
 from firmloop.identify.recordings.text.calendar_stamps import (
     with_seconds,
     with_terminal_stamps,
@@ -31,6 +31,7 @@ from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins
 from firmloop.identify.recordings.text.lines import Lines
 from firmloop.identify.recordings.text.log_prefix import without_log_prefix
 from firmloop.identify.recordings.text.named_values import read_named_values
+from firmloop.identify.recordings.text.readings import without_reading_units
 from firmloop.identify.recordings.text.settings import read_settings
 from firmloop.identify.recordings.text.teleplot import read_teleplot
 from firmloop.identify.recordings.text.thousands import without_thousands
@@ -219,6 +220,10 @@ def _in_dialect(lines: Lines) -> RawTable | Misread | None:
     """Read another dialect, None where none is recognized."""
     lines, quotes = double_quoted(lines)
     lines, exponents = with_e(lines)
+    readings = without_reading_units(lines)
+    if isinstance(readings, Misread):
+        return readings
+    lines, read_in, said = readings
     lines, stamps, stamped = with_seconds(lines)
     thousands = without_thousands(lines)
     if isinstance(thousands, Misread):
@@ -233,7 +238,8 @@ def _in_dialect(lines: Lines) -> RawTable | Misread | None:
     if isinstance(table, Misread):
         return table
     kept = [k for k in range(len(table.names)) if k not in words]
-    units = ["s" if k == stamped else unit for k, unit in enumerate(found.units or ("",) * len(table.names))]
+    printed = enumerate(found.units or ("",) * len(table.names))
+    units = ["s" if k == stamped else read_in.get(k, unit) for k, unit in printed]
     left = {table.names[k]: holds for k, holds in words.items() if table.names[k]}
     aside = f"{aside} ({', '.join(left)})" if left else aside
     made = RawTable(
@@ -242,7 +248,7 @@ def _in_dialect(lines: Lines) -> RawTable | Misread | None:
         table.place,
         table.places,
         tuple(units[k] for k in kept) if any(units) else (),
-        (*found.notes, *table.notes, *filter(None, (quotes, exponents, stamps, marks, aside))),
+        (*found.notes, *table.notes, *filter(None, (quotes, exponents, said, stamps, marks, aside))),
         left,
     )
     return with_fractions(made, kept.index(stamped) if stamped in kept else None)
@@ -365,7 +371,8 @@ def _remedy(name: str, place: int, rows: list[str], dialect: Dialect) -> str:
         return "write a number with '.' or delete the row"
     if all(dialect.delimiter not in row for row in rows[:_SAMPLE]):
         return "save the values of a line with commas between them, below a header that names each; keep the lines"
-    return f"so are {wrong} of {len(cells)} rows: write numbers there, or leave {name} out of the file; keep the rows"
+    cure = to_numbers([f"holds {cells[0].strip()!r}"], "write numbers there")
+    return f"so are {wrong} of {len(cells)} rows: {cure}, or leave {name} out of the file; keep the rows"
 
 
 FORMAT = Format(

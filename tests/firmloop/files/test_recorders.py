@@ -160,13 +160,18 @@ DATES = {
 Bench = Callable[..., tuple[int, dict[str, np.ndarray], str]]
 
 
-@pytest.mark.parametrize("maker", RECORDERS)
-def test_a_recorders_export_reads_like_the_plain_file(maker: str, bench: Bench) -> None:
-    content, volt, time, told = RECORDERS[maker]
+def renamed(volt: str, time: str) -> str:
+    """The lines of [recordings.rename] for the columns that are voltage_V and time_s; blank where none is needed."""
     unit = ', unit = "mV"' if "(mV)" in volt else ""
     units = "" if volt == "voltage_V" else f'"{volt}" = {{ name = "voltage_V"{unit} }}\n'
     units += f'"{time}" = "time_s"\n' if time else ""
-    status, columns, said = bench(content, f"[recordings.rename]\n{units}" if units else "")
+    return f"[recordings.rename]\n{units}" if units else ""
+
+
+@pytest.mark.parametrize("maker", RECORDERS)
+def test_a_recorders_export_reads_like_the_plain_file(maker: str, bench: Bench) -> None:
+    content, volt, time, told = RECORDERS[maker]
+    status, columns, said = bench(content, renamed(volt, time))
     assert status == 0, said
     assert told in said
     equal(columns, volt)
