@@ -24,7 +24,7 @@ from firmloop.diagnose.model.sandwich_covariance import doubtful
 from firmloop.diagnose.model.scale_doubt import interval_of
 from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.model.slopes import residual_of
-from firmloop.diagnose.plant_words import balance_told, constant_told, in_its_words, turns
+from firmloop.diagnose.plant_words import balance_told, constant_told, in_its_words
 from firmloop.diagnose.policy import (
     COUNTED_SAMPLES,
     FIRM_TO_SAY,
@@ -267,7 +267,7 @@ def _one(problem: Problem, candidate: Candidate, term: LibraryTerm, probability:
         estimates[each.name] = Estimate(value, interval, each.unit)
     place = term.place_told(problem.plant)
     plant, acts = problem.plant, term.effect.place
-    if plant.delay is not None and acts == "torque" and not turns(plant):
+    if plant.delay is not None and acts == "torque" and not plant.moves:
         place = balance_told(plant, acts)
     says = in_its_words(plant, term.effect.says.rstrip(".")) + (f" ({place})" if place else "")
     names = {name: constant_told(plant, name, acts) for name in estimates}

@@ -172,6 +172,8 @@ def _name(plant: Plant, balance: Balance) -> str:
 
 
 _UNITS: Mapping[str, str] = {"torque": "N*m", "force": "N", "voltage": "V", "winding": "V", "axes": "V"}
+# The unit of a state, and of what stores it: a flow into a vessel, a heat, a current.
+_FLOWS = {("m", "m^2"): "m^3/s", ("degC", "J/K"): "W", ("K", "J/K"): "W", ("V", "F"): "A"}
 
 
 def balance_unit(plant: Plant, balance: Balance) -> str:
@@ -181,6 +183,10 @@ def balance_unit(plant: Plant, balance: Balance) -> str:
     if balance.kind in _UNITS:
         return _UNITS[balance.kind]
     bare = with_effects(plant, ())
-    shares = linearize(bare).b[balance.state] / float(balance.per(constants_of(bare)))
+    per = float(balance.per(constants_of(bare)))
+    shares = linearize(bare).b[balance.state] / per
     same = [signal.unit for signal, share in zip(plant.inputs, shares, strict=True) if abs(share - 1.0) < 1e-9]
-    return same[0] if same else ""
+    stored = plant.states[balance.state].unit
+    stores = [parameter.unit for parameter in plant.parameters if abs(per * parameter.value - 1.0) < 1e-9]
+    flows = [_FLOWS[stored, unit] for unit in stores if (stored, unit) in _FLOWS]
+    return next(iter((*same, *flows)), "")

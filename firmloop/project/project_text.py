@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -87,8 +88,15 @@ def _entry(parameter: Parameter, given: object) -> Mapping[str, object]:
         entry.update({key: end for key, end in given.items() if key in ("low", "high")})
     interval = parameter.interval_95
     if interval is not None:
-        entry["ci95"] = [float(f"{end:.6g}") for end in interval]
+        entry["ci95"] = written_interval(*interval)
     return entry
+
+
+def written_interval(low: float, high: float) -> list[float]:
+    """Return both ends in six digits, and in as many more as tell one from the other."""
+    apart, far = high - low, max(abs(low), abs(high))
+    digits = max(6, 3 + math.ceil(math.log10(far) - math.log10(apart))) if 0.0 < apart < math.inf else 17
+    return [float(f"{end:.{min(digits, 17)}g}") for end in (low, high)]
 
 
 def _moved(project: Project, folder: Path) -> dict[str, object]:

@@ -67,7 +67,8 @@ def uncertainty(
     )
     every = triangle_of(block[:, :parameters] for block in tall)
     norms = np.linalg.norm(every, axis=0)
-    norms[norms <= _PARALLEL**2 * norms.max(initial=0.0)] = 1.0
+    felt = norms * np.where(natural > 0.0, natural, 1.0)  # whatever unit each parameter is in
+    norms[felt <= _PARALLEL**2 * felt.max(initial=0.0)] = 1.0
     _, sizes, axes = np.linalg.svd(matrix / norms)
     seen = sizes > _PARALLEL
     reach = norms * np.where(natural > 0.0, natural, 1.0 / norms)

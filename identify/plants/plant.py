@@ -143,6 +143,14 @@ class Plant:
         return len(self.states) > len(self.varying)
 
     @property
+    def moves(self) -> bool:
+        """Tell whether it turns or moves something; a lag does where its output is called so."""
+        if self.delay is not None:
+            return self.outputs[0].name.partition("_")[0] in ("speed", "position")
+        speeds = any(state.unit in ("rad/s", "m/s") for state in self.states)
+        return speeds or any(balance.kind in ("torque", "force") for balance in self.balances)
+
+    @property
     def driven(self) -> int:
         """The balance of the body that the drive pushes; -1 where none says what the drive gives it."""
         bodies = (k for k, b in enumerate(self.balances) if b.kind in ("torque", "force") and b.effort is not None)

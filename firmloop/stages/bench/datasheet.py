@@ -16,6 +16,7 @@ from firmloop.identify.plants.plant_table import plant_from_table
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import unit_of
 from firmloop.project.project import Project
+from firmloop.project.project_text import written_interval
 from firmloop.project.table import ProjectError, ProjectTable
 from firmloop.stages.data import read_as_named
 from firmloop.stages.plant import located
@@ -133,7 +134,7 @@ def _plant(project: Project, sheet: Sheet, found: Mapping[str, Found]) -> Mappin
             deviation = found[name].deviation
             if deviation:
                 reach = NORMAL_95 * deviation
-                entry["ci95"] = [float(f"{found[name].value + sign * reach:.6g}") for sign in (-1, 1)]
+                entry["ci95"] = written_interval(found[name].value - reach, found[name].value + reach)
             entries[name] = entry
     measured = []
     for key, one in found.items():

@@ -64,7 +64,7 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             continue
         if reading is not None and resting_at_zero:  # it rests where the plant does, whatever a fit makes of it
             if -samples * math.log1p(-min(hint.share, 1.0 - 1e-12)) > _CERTAIN and abs(hint.size) > seen:
-                found.append(_in_motion(plant.outputs[k], hint.size, reading))
+                found.append(_in_motion(plant, k, hint.size, reading))
             continue
         said = _apart(evidence, k, means) or _fitted(evidence, k, hint.size, means)
         found += [said] if said else []
@@ -87,13 +87,15 @@ def _undriven(evidence: Evidence, drives: Sequence[Array], most: Array, k: int) 
     return float(np.mean(firsts)) if np.any(apart & (most > 0.0)) and alike else None
 
 
-def _in_motion(output: Signal, level: float, reading: float) -> str:
+def _in_motion(plant: Plant, k: int, level: float, reading: float) -> str:
     """Say that what looks like a level is there only while the plant moves."""
+    output = plant.outputs[k]
     unit = f" {output.unit}".rstrip()
+    lacks = "dry friction, a dead zone, a load" if plant.moves else "a dead zone, a constant drop"
     return (
         f"{output.name} is met better by {level:.4g}{unit} more than the plant gives, but reads {reading:.4g}{unit} "
-        "before anything drives it: no level at rest, but dry friction, a dead zone, a load, a lag or a delay that the "
-        "plant lacks, or an answer that is no straight line; `firmloop diagnose` says which"
+        f"before anything drives it: no level at rest, but {lacks}, a lag or a delay that the plant lacks, or an "
+        "answer that is no straight line; `firmloop diagnose` says which"
     )
 
 
@@ -128,10 +130,11 @@ def _fitted(evidence: Evidence, k: int, level: float, means: _Means) -> str:
             f"{output.name} rests at {value}{unit} and {before.plant.kind} at 0: write {OUTPUT} = {{ value = {value}, "
             "free = true } in [plant.parameters] (and input_at_rest, if the input does not rest at 0)"
         )
+    others = "a constant load or friction" if before.plant.moves else "something constant that the equations lack"
     reads = f"{abs(found.value):.4g}{unit} {'more' if found.value > 0.0 else 'less'}"
     return (
-        f"{output.name} reads {reads} than the plant gives, all the time: an offset of the sensor, or a "
-        f'constant load or friction; for an offset write [[plant.effects]] with name = "sensor_offset", output = '
+        f"{output.name} reads {reads} than the plant gives, all the time: an offset of the sensor, or {others}; "
+        f'for an offset write [[plant.effects]] with name = "sensor_offset", output = '
         f'"{output.name}" and {name.rpartition(".")[2]} = {{ value = {value}, free = true }}'
     )
 
