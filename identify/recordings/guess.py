@@ -170,7 +170,8 @@ def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
         pulse = bool(words & _PULSES) and _converts(unit, "s")
         leaning, aside = pulse + len(words & _DRIVES) - len(words & _ANSWERS), 2 * len(words & _GIVEN)
         share = 1 if unit in _SHARES and not words & _EITHER else 0
-        leaning = 0 if foreign in flags else leaning or _BY_QUANTITY.get(wish, share)
+        leans = words & (_DRIVES | _ANSWERS) or pulse
+        leaning = 0 if foreign in flags else leaning if leans else _BY_QUANTITY.get(wish, share)
         sent = pulse or bool(words & _SENT)
         made.append(Guessed(foreign, name, unit, not plain, asks, leaning - aside, -leaning - aside, aim, sent))
     return _with_references(_with_sides(made))
@@ -200,6 +201,15 @@ def _with_references(made: Sequence[Guessed]) -> tuple[Guessed, ...]:
     if not any(each.drives > 0 and not each.reference and each.foreign not in plain for each in made):
         return tuple(made)
     return tuple(replace(each, reference=True) if each.foreign in plain else each for each in made)
+
+
+def apart(one: Guessed, other: Guessed) -> tuple[Guessed, Guessed]:
+    """Return two columns of one quantity, such as what goes in and what comes out, each under its own name."""
+    if one.name != other.name:
+        return one, other
+    first = _slug(one.foreign, one.unit, ())
+    second = _slug(other.foreign, other.unit, (first,))
+    return replace(one, name=first, known=False), replace(other, name=second, known=False)
 
 
 def refuse_twins(used: Sequence[Guessed], among: Sequence[Guessed], file: str) -> None:
@@ -315,7 +325,7 @@ def _slug(foreign: str, unit: str, taken: Sequence[str]) -> str:
     likely = ("m_s2",) if _words(foreign) & _ACCELERATIONS else _PLAIN_ENDINGS
     endings = (each for each in likely if _converts(unit, unit_of(f"x_{each}")))
     ending = "" if _same(unit, "1") else next(endings, "")  # what is counted in ones is so under any name
-    carried = carried_unit(plain) if ending and unit_of(plain) != unit_of(f"x_{ending}") else ""
+    carried = carried_unit(bare.strip()) if ending and unit_of(plain) != unit_of(f"x_{ending}") else ""
     plain = plain.removesuffix(f"_{ending}") if ending else plain
     if carried:
         plain = re.sub(rf"_?{re.escape(carried)}$", "", plain) or "column"

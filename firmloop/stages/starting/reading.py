@@ -18,6 +18,7 @@ from firmloop.identify.printed_units import conversion
 from firmloop.identify.recordings.columns import Column, RowClock, called_a_counter
 from firmloop.identify.recordings.guess import (
     Guessed,
+    apart,
     guess_columns,
     guess_time,
     refuse_twins,
@@ -36,6 +37,8 @@ POSITION = "position_rad"  # what an output without a unit is taken for that int
 _LAGS, _LONGEST_LAG = 20, 5.0  # tried, and what part of the recording the longest one is
 _EXPLAINED = 0.9  # of what moves besides a straight line, from which an output is told by the drive
 _RATHER = 0.25  # of what a lag leaves: an integral that leaves less is the better explanation
+_HELD = 0.1  # of the rows: a reading repeats so many by its coarse steps alone
+_CLEARLY = 0.05  # of what a lag explains: how much more one way than the other
 _FOLLOWS = 0.7  # correlation with a command: half of what a signal does goes with it
 _DECIMAL = "write decimal numbers there"
 _FREELY = (
@@ -123,6 +126,9 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
             f"({drive.foreign}): record what answers it, too"
         )
     outputs = tuple(_placed(drive, each, others, first) for each in _outputs(drive, others, first))
+    if len(others) == 1 and len(outputs) == 1:  # of which none can be left out
+        drive, answer = apart(drive, outputs[0])
+        outputs, moving = (answer,), (drive, answer)
     used = (*((time,) if time else ()), drive, *outputs)
     refuse_twins(used, moving, file)
     rename, clock = rename_of(used), None if period is None else RowClock(period)
@@ -192,9 +198,13 @@ def _pushed(moving: Sequence[Guessed], table: RawTable, levels: Collection[str])
 
     Of two that are named so, one that changes within a recording is rather it than a level of each, such as a load.
 
+    Of two alone that are of one quantity, or named alike, it is the one that the other follows, as far as that shows.
+
     A voltage beside a command is that of its supply where it does not follow it; a force or torque is what the drive
     gives where it moves something that is recorded too, else it is read from the plant.
     """
+    if len(moving) == 2 and (followed := _followed(moving[0], moving[1], table)):
+        return followed
     best = max(
         moving,
         key=lambda each: (each.drives, each.foreign not in levels, each.known, _held(table, each.foreign)),
@@ -207,6 +217,16 @@ def _pushed(moving: Sequence[Guessed], table: RawTable, levels: Collection[str])
     follows = float(np.corrcoef(own, given)[0, 1]) > _FOLLOWS
     moves = any(each.quantity.startswith(("speed_", "position_")) for each in moving)
     return best if follows and (moves or best.quantity == "voltage_V") else command
+
+
+def _followed(one: Guessed, other: Guessed, table: RawTable) -> Guessed | None:
+    """Return which of two columns the other lags behind; None where names tell, one is held, or neither is clear."""
+    named = one.drives != other.drives and (not one.quantity or one.quantity != other.quantity)
+    if named or max(_held(table, each.foreign) for each in (one, other)) > _HELD:
+        return None
+    first, second = (table.columns[table.names.index(each.foreign)] for each in (one, other))
+    forth, back = _lagging(first, second), _lagging(second, first)
+    return None if abs(forth - back) < _CLEARLY else one if forth > back else other
 
 
 def _held(table: RawTable, foreign: str) -> float:
