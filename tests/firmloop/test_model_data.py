@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -226,6 +227,24 @@ def test_an_output_that_leads_its_input_is_told_with_the_rows(
     count = "1 row" if rows == 1 else f"{rows} rows"
     assert f"position_rad answers {count} before drive_V changes" in said
     assert "follows the input" not in said
+
+
+@pytest.mark.parametrize("smoothed", [False, True], ids=["thirty rows early", "filtered to and fro"])
+def test_an_early_output_is_the_cause_that_is_named_where_no_model_is_found(
+    smoothed: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    random = np.random.default_rng(1)
+    drive = np.repeat(random.uniform(-5.0, 5.0, 100), 15)
+    late = scipy.signal.lfilter([0.0, 2.0 / 15.0], [1.0, -14.0 / 15.0], drive) + random.normal(0.0, 0.05, len(drive))
+    output = scipy.signal.filtfilt(*scipy.signal.butter(2, 0.05), late) if smoothed else np.roll(late, -30)[:-30]
+    table = np.column_stack([PERIOD * np.arange(len(output)), drive[: len(output)], output])
+    (tmp_path / "project.toml").write_text(PROJECT)
+    np.savetxt(tmp_path / "log.csv", table, "%.9g", ",", header="time_s,drive_V,position_rad", comments="")
+    assert main(["model", str(tmp_path / "project.toml"), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert re.search(r"position_rad answers \d+ rows before drive_V changes", said), said
+    assert "exchange both names if position_rad is what drives" in said
+    assert "unstable" not in said and "drifts" not in said
 
 
 def test_a_line_over_time_is_told_with_its_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -33,6 +34,7 @@ from firmloop.identify.bench_tests.delay_search import (
     rest_of_an_integrator,
     spoiled_by_lines,
     spoiled_by_means,
+    without_means,
 )
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.own_values import fit_start
@@ -231,11 +233,12 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
     searched = "delay_samples" not in asked.values
     data = read_data(project)
     refuse_saturated(project, data.train)
+    drive, output = project.plant.input, project.plant.outputs[0]
     with located(project):
-        with stage(f"fitting {structure}"):
-            period = _period(data.train)
-            records = [_record(project, recording) for recording in data.train]
-            check_records(records, order, told)
+        period = _period(data.train)
+        records = [_record(project, recording) for recording in data.train]
+        check_records(records, order, told)
+        with stage(f"fitting {structure}"), _unless_early(records, order, drive, output):
             found = best_delays(records, order)
             late = found.best if searched else told
             _check_means(project, records, order, late)
@@ -245,7 +248,7 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
                 again = integrating(STRUCTURES[structure](from_zero, order, late), from_zero)
                 records, sampled = (records, sampled) if unstable(again) else (from_zero, again)
                 if unstable(sampled) and spoiled_by_lines(records, order, late):
-                    raise IdentifyError(about_drift(records, project.plant.input, project.plant.outputs[0]))
+                    raise IdentifyError(about_drift(records, drive, output))
             check_answer(structure, records, sampled, delays_tried(records) if searched else 1)
             lower = _lower(structure, records, sampled, searched) if without_a_form(sampled) else None
             if lower is not None and "order" in asked.values:
@@ -260,19 +263,29 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
         with stage("drawing the residuals anew"):
             spread = _spread(structure, records, sampled, period, judged["train"])
     cut = cut_input(project, data.train)
-    drive, output = project.plant.input, project.plant.outputs[0]
     plain = companion(sampled)
     early = about_lead(records, order, drive, output) if found.least == 0 else ""
     about = (
         found_delay(found) if searched else given_delay(records, order, late, found),
         about_noise(structure, records, plain),
         *(about_rest(one, structure) for one in judged["train"] if not early),
-        *_about_drift(project, records, plain),
+        *(() if early else _about_drift(project, records, plain)),
         early,
     )
     fewer = f"order {len(sampled.a)} is taken: {_NO_FORM.format(order)}, and explains no more"
     notes = (*data.notes, *filter(None, about), *((fewer,) if lower is not None else ()))
     return BlackBox(structure, period, sampled, made, found, plant, judged, spread, cut, notes)
+
+
+@contextmanager
+def _unless_early(records: Sequence[Record], order: int, drive: str, output: str) -> Iterator[None]:
+    """Name an output that answers before its input as the cause where no model is found: it looks like other faults."""
+    try:
+        yield
+    except IdentifyError:
+        if early := about_lead(without_means(records), order, drive, output):
+            raise IdentifyError(early) from None
+        raise
 
 
 def _lower(structure: str, records: Sequence[Record], sampled: SampledModel, searched: bool) -> SampledModel | None:

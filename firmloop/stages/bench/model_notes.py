@@ -93,7 +93,8 @@ def about_lead(records: Sequence[Record], order: int, drive: str, output: str) -
     return (
         f"{output} answers {count} before {drive} changes, which no plant does: a row's input acts from that row on, "
         f"and its output is read before; shift the column {output} down by {count}, or {drive} up, if they were logged "
-        "by two clocks, filtered to and fro, or read after the input had acted"
+        "by two clocks, filtered to and fro, or read after the input had acted; exchange both names if "
+        f"{output} is what drives"
     )
 
 
