@@ -72,6 +72,8 @@ def _other_unit(evidence: Evidence) -> tuple[str, ...]:
     shares = known[unit]
     if max(shares) > 1.0 - _ALIKE**2 or float(np.sum(shares)) > _BETTER * float(np.sum(plain)):
         return ()
+    if any(winding > _WINDING for winding in _windings(evidence, _UNITS[unit])):
+        return ()  # what was given is off, and not the clock
     guess = _guess(evidence, recording, _UNITS[unit], shares)
     explains = (
         f"the plant as given then explains {100.0 * (1.0 - max(shares)):.0f} % of every output, and "
@@ -86,6 +88,17 @@ def _other_unit(evidence: Evidence) -> tuple[str, ...]:
         f"far off: {explains}, on which the fit finds {found.value:.4g} {given.unit}; if that may be, leave the clock "
         f"as it is; if not, {cure}",
     )
+
+
+def _windings(evidence: Evidence, factor: float) -> list[float]:
+    """Return L/R of a motor (s) as given, and as found on a clock `factor` times as slow."""
+    fitted = [] if evidence.fit is None else [(evidence.fit.plant, factor)]
+    found = []
+    for plant, times in ((evidence.given, 1.0), *fitted):
+        held = {p.name: p for p in plant.parameters if plant is evidence.given or _is_told(p)}
+        if plant.kind == "dc_motor" and {"L_H", "R_ohm"} <= held.keys() and held["R_ohm"].value > 0.0:
+            found.append(times * held["L_H"].value / held["R_ohm"].value)
+    return found
 
 
 def _guess(

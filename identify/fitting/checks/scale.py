@@ -180,10 +180,13 @@ def _of_the_drive(evidence: Evidence, factors: Mapping[str, float]) -> str:
 def _of_a_start(evidence: Evidence, name: str, factor: float) -> str:
     """Name the voltage constant of a motor where it is given as wrong by the factor, and fits as its torque constant.
 
-    Empty elsewhere. The two are one constant in SI units; of a speed in another unit they would not be.
+    Where it comes out as given, what is named is the value that does so least. Empty elsewhere. The two are one
+    constant in SI units; of a speed in another unit they would not be, and the first would be off by its factor.
     """
     if evidence.fit is None or not turning(name):
         return ""
+    if other := _off_beside_its_constant(evidence):
+        return other
     given, found = (
         {parameter.name: parameter.value for parameter in plant.parameters}.get("ke_V_s_rad", 0.0)
         for plant in (evidence.given, evidence.fit.plant)
@@ -196,6 +199,27 @@ def _of_a_start(evidence: Evidence, name: str, factor: float) -> str:
     return (
         f"its unit is right, for ke_V_s_rad comes out as {found:.3g}, and kt_N_m_A, which is the same in SI units, is "
         f"{torque:.3g}; correct ke_V_s_rad in [plant.parameters], which is given as {given:.3g}"
+    )
+
+
+def _off_beside_its_constant(evidence: Evidence) -> str:
+    """Name the value of a motor that is farthest off where the recordings tell its voltage constant as given."""
+    assert evidence.fit is not None
+    given = {parameter.name: parameter.value for parameter in evidence.given.parameters}
+    found = {each.name: each for each in evidence.fit.plant.parameters if each.name in evidence.fit.free}
+    constant = found.get("ke_V_s_rad")
+    if constant is None or constant.deviation is None or min(given["ke_V_s_rad"], constant.value) <= 0.0:
+        return ""
+    if abs(math.log(constant.value / given["ke_V_s_rad"])) > _NEAR or constant.deviation > _SURE * constant.value:
+        return ""
+    moved = {name: math.log(p.value / given[name]) for name, p in found.items() if min(p.value, given[name]) > 0.0}
+    worst = max(moved, key=lambda each: abs(moved[each]))
+    if abs(moved[worst]) < _FAR:
+        return ""
+    return (
+        f"its unit is right, for ke_V_s_rad comes out as {constant.value:.3g} and is given as "
+        f"{given['ke_V_s_rad']:.3g}; check in [plant.parameters] {worst} and its unit, which is given as "
+        f"{given[worst]:.3g} and comes out as {found[worst].value:.3g}"
     )
 
 

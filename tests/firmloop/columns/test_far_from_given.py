@@ -76,3 +76,66 @@ def test_an_effect_that_ends_far_from_its_value_is_said_and_the_start_of_a_lag_i
     assert found["gain"] == pytest.approx(4.0, rel=0.05)
     far = [one for one in said if "what the project gives" in one]
     assert len(far) == 1 and "offset_V = 30" in far[0] and "gain" not in far[0] and "time_constant" not in far[0], said
+
+
+MOTOR = """schema = 1
+name = "motor"
+[recordings]
+train = ["log.csv"]
+[plant]
+kind = "dc_motor"
+input = "voltage_V"
+outputs = ["speed_rad_s", "current_A"]
+[plant.parameters]
+R_ohm = { value = 2.2, free = true }
+L_H = { value = 1e-3, free = true }
+ke_V_s_rad = { value = 0.028, free = true }
+kt_N_m_A = { value = 0.03, free = false }
+J_kg_m2 = { value = 2.2e-5, free = true }
+b_N_m_s_rad = { value = 1e-5, free = true }
+"""
+BOTH = {"L_H = { value = 1e-3": "L_H = { value = 0.6", "J_kg_m2 = { value = 2.2e-5": "J_kg_m2 = { value = 1.2e-2"}
+KEPT = {"L_H = { value = 0.6, free = true": "L_H = { value = 0.6, free = false"}
+LOOSE = {"kt_N_m_A = { value = 0.03, free = false": "kt_N_m_A = { value = 0.028, free = true"}
+ROTOR = {"J_kg_m2 = { value = 2.2e-5": "J_kg_m2 = { value = 1.2e-2"}
+
+
+def turned(folder, capsys, seed: int, changed: dict[str, str]) -> list[str]:
+    """What identify says of a motor whose values in the project are changed so."""
+    random, time = seeded(seed), 2e-4 * np.arange(3000)
+    drive, current, speed = np.repeat(random.uniform(-10.0, 10.0, 50), 60), 0.0, 0.0
+    rows = ["time_s,voltage_V,speed_rad_s,current_A"]
+    for t, u in zip(time, drive, strict=True):
+        read = speed + 0.3 * random.normal(), current + 0.02 * random.normal()
+        rows.append(f"{t:.6g},{u:.6g},{read[0]:.6g},{read[1]:.6g}")
+        for _ in range(20):
+            current += 1e-5 * (u - 2.0 * current - 0.03 * speed) / 1e-3
+            speed += 1e-5 * (0.03 * current - 1e-5 * speed) / 2e-5
+    (folder / "log.csv").write_text("\n".join([*rows, ""]))
+    text = MOTOR
+    for one, other in changed.items():
+        text = text.replace(one, other)
+    (folder / "project.toml").write_text(text)
+    return warned(folder, capsys)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (BOTH, "the recordings are met with L_H = 0.00098"),
+        (BOTH | KEPT, "asks for L_H = 0.00098"),
+        (ROTOR, "the recordings are met with J_kg_m2 = 2e-05 kg*m^2, 0.0017 times what the project gives"),
+    ],
+    ids=["both", "the winding kept", "the rotor alone"],
+)
+def test_a_motors_values_hundreds_of_times_off_are_named_and_not_the_clock(changed, told, tmp_path, capsys):
+    said = turned(tmp_path, capsys, 6, changed)
+    assert any(told in one for one in said), said
+    assert not any("thousands of seconds" in one or "encoder" in one for one in said), said
+
+
+def test_a_rotor_far_off_beside_a_right_voltage_constant_is_no_speed_in_counts(tmp_path, capsys):
+    said = turned(tmp_path, capsys, 10, ROTOR | LOOSE)
+    assert any("its unit is right, for ke_V_s_rad comes out as 0.03 and is given as 0.028" in one for one in said), said
+    assert any("check in [plant.parameters] J_kg_m2 and its unit, which is given as 0.012" in one for one in said)
+    assert not any("encoder" in one or "thousands of seconds" in one for one in said), said
