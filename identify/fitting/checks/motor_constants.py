@@ -16,6 +16,7 @@ from firmloop.identify.fitting.checks.scale import (
     share_of_supply,
     turning,
     unit_of_factor,
+    units_apart,
 )
 from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.plants.kinds.dc_motor import GEAR
@@ -44,6 +45,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     doubt = math.hypot(*((p.deviation or 0.0) / p.value for p in (ke, kt)))
     if abs(math.log(ratio)) - _SURE * doubt < math.log(_MOST):
         return ()
+    if apart := units_apart(evidence):
+        return apart
     says = f"ke / kt is {ratio:.4g}, and 1 where no power is lost or made: "
     if other := _of_a_wire(ratio, held, evidence):
         return (f"{says}{other}",)

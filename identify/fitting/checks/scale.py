@@ -118,22 +118,33 @@ def _written(line: str) -> str:
     return f"write, with the name in the file on the left, in [recordings.rename] {line}"
 
 
+def _factors(evidence: Evidence) -> dict[str, dict[str, float]]:
+    """Return how many times as large each output is as the plant makes it as given, by recording, where it follows."""
+    found: dict[str, dict[str, float]] = {}
+    runs = runs_as_given(evidence) or ()
+    for recording, run in zip(evidence.recordings, runs, strict=bool(runs)):
+        for signal, pair in zip(evidence.given.outputs, compared(evidence, recording, run), strict=True):
+            correlation, factor = alike(*pair)
+            if factor > 0.0 and correlation > (_ALIKE if abs(math.log(factor)) < _HUGE else _ALIKE / 2.0):
+                found.setdefault(signal.name, {})[recording.source] = factor
+    return found
+
+
+def units_apart(evidence: Evidence) -> tuple[str, ...]:
+    """Say of each output that is in another unit in some recordings, or driven by an input that is."""
+    return tuple(said for name, seen in _factors(evidence).items() if (said := _of_some(name, seen)))
+
+
 def look(evidence: Evidence) -> tuple[str, ...]:
     """Compare every output with the plant as given; a black box whose gain is only a start claims nothing."""
     plant = evidence.given
     claimed = free_scale(plant)
     if claimed is not None and claimed.value == _PLACEHOLDER:
         return ()
-    factors: dict[str, list[float]] = {}
-    runs = runs_as_given(evidence)
-    if runs is None:
-        return ()
-    for recording, run in zip(evidence.recordings, runs, strict=True):
-        for signal, pair in zip(plant.outputs, compared(evidence, recording, run), strict=True):
-            correlation, factor = alike(*pair)
-            if factor > 0.0 and correlation > (_ALIKE if abs(math.log(factor)) < _HUGE else _ALIKE / 2.0):
-                factors.setdefault(signal.name, []).append(factor)
-    medians = {name: float(np.median(seen)) for name, seen in factors.items()}
+    if apart := units_apart(evidence):
+        return apart
+    factors = _factors(evidence)
+    medians = {name: float(np.median([*seen.values()])) for name, seen in factors.items()}
     if said := _of_the_drive(evidence, medians):
         return (said,)
     found = []
@@ -151,6 +162,26 @@ def look(evidence: Evidence) -> tuple[str, ...]:
             )
         )
     return tuple(found)
+
+
+def _of_some(name: str, seen: Mapping[str, float]) -> str:
+    """Say that some recordings have a reading, or what drives it, in another unit than others; blank where none has.
+
+    `seen` is how many times as large it is in each as the plant makes it as given.
+    """
+    right = min(seen, key=lambda each: abs(math.log(seen[each])))
+    times = {each: factor / seen[right] for each, factor in seen.items()}
+    off = [each for each, factor in times.items() if abs(math.log(factor)) > _FAR]
+    if not off or len({each.rpartition("/")[2] for each in seen}) < len(seen):
+        return ""
+    factor = float(np.median([times[each] for each in off]))
+    unit = unit_of_factor(factor, _SHAFT if turning(name) else _NEAR, name)
+    return (
+        f"{name} is {factor:.3g} times as large in {', '.join(off)} as in {right}, each beside what the plant as given "
+        f"does{f': it looks {unit}' if unit else ''}; if so, call the column otherwise in the header of "
+        f"{'that file' if len(off) == 1 else 'those files'}, and give that name its unit or scale in "
+        "[recordings.rename]; if it is what drives the plant that differs, do so with its column"
+    )
 
 
 def _of_the_drive(evidence: Evidence, factors: Mapping[str, float]) -> str:

@@ -79,3 +79,28 @@ def test_a_ramp_and_a_step_are_no_single_frequency(tmp_path, capsys):
     says, found = identified(folder, capsys)
     assert not any("frequenc" in one for one in says), says
     assert found["time_constant_s"] == pytest.approx(0.3, rel=0.02)
+
+
+def test_a_reading_in_another_unit_in_one_recording_is_told_and_its_cure_gives_the_motor_back(tmp_path, capsys):
+    turned = changed(motor(seeded(2)), speed_rad_s=lambda v: v * 30.0 / np.pi)
+    folder = beside(written(tmp_path / "run", motor(seeded(1))), turned)
+    says, _ = identified(folder, capsys)
+    assert re.match(r"speed_rad_s is 9\.\d+ times as large in other\.csv as in log\.csv", says[0]), says
+    assert "it looks in revolutions per minute" in says[0] and not any("encoder" in one for one in says)
+    other = folder / "other.csv"
+    other.write_text(other.read_text().replace("speed_rad_s", "n", 1))
+    text = (folder / "project.toml").read_text()
+    line = '[recordings.rename]\nn = { name = "speed_rad_s", unit = "rpm" }\n[plant]\n'
+    (folder / "project.toml").write_text(text.replace("[plant]\n", line, 1))
+    says, found = identified(folder, capsys)
+    assert says == []
+    assert found["ke_V_s_rad"] == pytest.approx(
+        identified(written(tmp_path / "one", motor(seeded(1))), capsys)[1]["ke_V_s_rad"], rel=0.01
+    )
+
+
+def test_an_input_in_another_unit_in_one_recording_is_told_as_one_that_may_be(tmp_path, capsys):
+    pushed = changed(motor(seeded(2)), voltage_V=lambda v: v * 1000.0)
+    says, _ = identified(beside(written(tmp_path / "run", motor(seeded(1))), pushed), capsys)
+    assert all("in other.csv as in log.csv" in one for one in says[:2]), says
+    assert all("if it is what drives the plant that differs, do so with its column" in one for one in says[:2])
