@@ -274,17 +274,19 @@ def _looks(evidence: Evidence, name: str, factor: float, unit: str | None) -> st
     if share and not unit:
         return f"{share}; else give {name} its unit there"
     counts = share if share or (unit and unit_of_factor(factor, _SURE, name)) else asked_counts(evidence, name, factor)
+    geared = ""
+    if turning(name) and factor < 1.0 and "ke_V_s_rad" in {each.name for each in evidence.given.parameters}:
+        ratio = f"{GEAR} = {{ value = {1.0 / factor:.3g}, free = false }}"
+        geared = f"is it read behind a gear? then write {ratio}, with its exact ratio, in [plant.parameters]"
     if unit:
-        return f"it looks {unit}: {in_unit(name, unit)}" + (f"; or {counts}" if counts else "")
+        other = counts or ("" if unit_of_factor(factor, _SURE, name) else geared)
+        return f"it looks {unit}: {in_unit(name, unit)}" + (f"; or {other}" if other else "")
     if counts:
         return f"{counts}; else give it its unit there"
     pushed = unit_of_factor(1.0 / factor, _SHAFT, drive) if factor < 1.0 and len(evidence.given.inputs) == 1 else None
     if pushed:
         return f"{drive} looks {pushed}: {in_unit(drive, pushed)}; else give the column its unit there"
-    geared = ""
-    if turning(name) and factor < 1.0 and "ke_V_s_rad" in {each.name for each in evidence.given.parameters}:
-        ratio = f"{GEAR} = {{ value = {1.0 / factor:.3g}, free = false }}"
-        geared = f"is it read behind a gear? then write {ratio}, with its exact ratio, in [plant.parameters]; else "
+    geared = f"{geared}; else " if geared else ""
     return f"a unit or a nominal value is wrong; {geared}give the column its unit in [recordings.rename]"
 
 

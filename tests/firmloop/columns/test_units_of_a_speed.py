@@ -165,3 +165,11 @@ def test_readings_that_are_all_off_by_one_factor_speak_for_the_input(held, tmp_p
 def test_a_speed_that_no_unit_makes_so_small_may_be_read_behind_a_gear(tmp_path, capsys):
     said, _ = identified(bench(tmp_path / "log", 1.0 / 25.0, ("kt_N_m_A",), SPEED), capsys)
     assert any(re.search(r"behind a gear\? then write gear_ratio = \{ value = \d", one) for one in said), said
+
+
+def test_a_speed_five_times_too_small_may_be_in_turns_or_read_behind_a_gear(tmp_path, capsys):
+    """A gear of 5 and turns, 6.28 times smaller, are nearer than nominal values tell."""
+    said, _ = identified(bench(tmp_path / "log", 1.0 / 5.0, (), BOTH, 2), capsys)
+    told = [one for one in said if "times what the plant as given does" in one]
+    assert len(told) == 1 and "it looks in turns" in told[0], said
+    assert re.search(r"or is it read behind a gear\? then write gear_ratio = \{ value = \d", told[0]), told
