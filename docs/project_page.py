@@ -158,8 +158,9 @@ A plain name changes the name only, not the numbers. A column whose own name car
 `Speed [rpm]`) cannot be renamed plainly: the complaint shows the line to write. A counter is unwrapped first; then
 number * scale + offset is a value in `unit`.
 
-Text files may have commas, semicolons, tabs or spaces between columns, decimal commas, a line of units, lines before
-the header, a delimiter at every line's end, a byte order mark, or UTF-16. Dates and times of day are read as seconds
+Text files may have commas, semicolons, tabs or spaces between columns, decimal commas, units in a line
+or behind each reading, lines before the header, a delimiter at every line's end, a byte order mark, or UTF-16. Dates
+and times of day are read as seconds
 from the first; columns of words are left aside. Exports of Tektronix, Rigol, Siglent, Keysight and Saleae, rows below
 settings that say how far apart they are (Yokogawa, Hantek, Owon, Fluke), Graphtec's recorders, LabVIEW's `.lvm`, the
 stamps of a terminal (`12:00:01.250 -> 3.2,17.4`), objects of JSON a line and lines that name each value
