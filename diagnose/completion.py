@@ -90,7 +90,11 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             found = _resumed(other)
             sure, shape = _confirmed(rested(levelled(found))), best_shape(found, found.best)
         elif _may_be_chance(sure):
-            return replace(found, best=found.nominal), shape  # no law that holds the same load is sure, either
+            alone = best_shape(found, found.nominal)
+            explained = found.nominal.score - sure.best.score
+            if alone is not None and alone.gain > explained + LEFT_GAIN:
+                shape = alone  # else no law that holds the same load is sure, either
+            return replace(found, best=found.nominal), shape
     return sure, shape
 
 

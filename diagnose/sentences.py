@@ -46,7 +46,7 @@ def paragraph(
         )
     elif finding.verdict == "unknown_physics":
         follows = (
-            f" It follows {shape.coordinate} in the {balance_told(search.problem.plant, shape.balance)}."
+            f" It follows {shape.coordinate}, in the {balance_told(search.problem.plant, shape.balance)}."
             if shape is not None
             else ""
         )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.diagnose.concealed import MACHINES, OUTSIDE, SIZES, Concealed, Machine, effects_for
+from bench.diagnose.concealed import MACHINES, MIXED, OUTSIDE, SIZES, Concealed, Machine, effects_for
 from bench.diagnose.truth import folded, read, run
 from firmloop.identify.recordings.recording import make_recording, write_recording
 
@@ -65,7 +65,7 @@ def draw_case(seed: int, stratum: str = "any") -> Case:
     hidden: tuple[Concealed, ...] = ()
     outside = ""
     if lot < 0.1:
-        names = sorted(OUTSIDE)
+        names = sorted(OUTSIDE if stratum == "outside" else MIXED)
         outside = str(rng.choice(names))
     elif lot >= 0.3:
         hidden = _several(machine, sensors, closed, size, rng, 1 if lot >= 0.5 else (2 if lot >= 0.367 else 3))

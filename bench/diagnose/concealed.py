@@ -251,12 +251,29 @@ STAGE_ONLY: Mapping[str, Draw] = {
     "return_spring": _one("return_spring", "spring", "stiffness", lambda m, s: 5.0 * s * m.effort),
     "hardening_spring": _one("hardening_spring", "cubic", "cubic", lambda m, s: 100.0 * s * m.effort),
 }
+
+
+def _thinned(machine: Machine, size: float) -> Mapping[str, float]:
+    """Return grease that is thinner by up to `size` logarithms where it is warm: a third of the largest effort."""
+    viscous = machine.values["b"] + 0.3 * machine.effort / machine.speed
+    return {"b": viscous, "thinning": 3.0 * size / (0.3 * machine.effort * machine.speed), "thinning_time": 1.5}
+
+
 OUTSIDE: Mapping[str, Callable[[Machine, float], Mapping[str, float]]] = {
     "angle_dependent_damping": lambda m, s: {"angle_damping": 0.9, "b": m.values["b"] * (1.0 + 4.0 * s)},
     "periodic_torque": lambda m, s: {"periodic": 0.06 * s * m.effort, "periodic_hz": 7.3},
     "one_sided_gain": lambda m, s: {"gain_asymmetry": 0.25 * s},
     "hysteretic_spring": lambda m, s: {"hysteresis": 0.12 * s * m.effort, "hysteresis_reach": 0.02 * m.speed},
+    "position_dependent_inertia": lambda m, s: {"inertia_wave": 0.5 * s},
+    "viscosity_by_heat": _thinned,
+    "intermittent_drive": lambda m, s: {"outage": 0.03 * s},
 }
+MIXED = (
+    "angle_dependent_damping",
+    "hysteretic_spring",
+    "one_sided_gain",
+    "periodic_torque",
+)  # of the mixture of strata
 
 
 def effects_for(machine: Machine, quantities: tuple[str, ...], closed: bool) -> Mapping[str, Draw]:

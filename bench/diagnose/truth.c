@@ -17,9 +17,10 @@ enum {
     COUPLING, COUPLING_DAMPING, COUPLED_INERTIA, GAP, KT_SATURATION, HEAT_RISE, HEAT_TIME, BRUSH, L_SATURATION,
     DEAD_ZONE, LIMIT, SLEW, DELAY, SUPPLY, SAG,
     ANGLE_DAMPING, PERIODIC, PERIODIC_HZ, GAIN_ASYMMETRY, HYSTERESIS, HYSTERESIS_REACH,
+    INERTIA_WAVE, THINNING, THINNING_TIME, OUTAGE,
     COUNT
 };
-enum { CURRENT, SPEED, POSITION, LOAD_SPEED, TWIST, HEAT, BRISTLE_STATE, LOOP_STATE, STATES };
+enum { CURRENT, SPEED, POSITION, LOAD_SPEED, TWIST, HEAT, BRISTLE_STATE, LOOP_STATE, WARMTH, STATES };
 enum { PARTS = 8 }; /* of a substep, at most */
 
 static double sign(double x) { return (x > 0.0) - (x < 0.0); }
@@ -62,6 +63,14 @@ static double inductance(const double *p, double i) {
     return p[L_SATURATION] > 0.0 ? p[L] / (1.0 + i * i / (p[L_SATURATION] * p[L_SATURATION])) : p[L];
 }
 
+/* What turns, which a crank carries in and out twice a turn. */
+static double inertia(const double *p, double a) { return p[J] * (1.0 + wave(p[INERTIA_WAVE], 2.0 * a)); }
+
+/* The next row's number, by the last one and what is commanded: no two recordings share it. */
+static unsigned drawn(unsigned last, double command) {
+    return 1664525u * last + 1013904223u + (unsigned)(int)(1e3 * command);
+}
+
 /* Signs of the dry friction and of the brushes' drop; what rests stays. */
 struct side {
     double speed;
@@ -74,7 +83,9 @@ static void rates(const double *p, const double *x, double v, double torque, dou
                   double *d) {
     const double w = x[SPEED];
     const double a = x[POSITION];
-    double sum = motor_torque(p, x, v) + torque - p[B] * w * (1.0 + wave(p[ANGLE_DAMPING], 2.0 * a));
+    const double viscous = p[B] * w * (1.0 + wave(p[ANGLE_DAMPING], 2.0 * a)) *
+                           (p[THINNING_TIME] > 0.0 ? exp(-x[WARMTH]) : 1.0);
+    double sum = motor_torque(p, x, v) + torque - viscous;
     double resistance = p[R];
     sum -= p[DRAG] * fabs(w) * w + p[LOAD];
     sum -= wave(p[GRAVITY], a + p[GRAVITY_PHASE]) + wave(p[COGGING], p[COGGING_N] * a + p[COGGING_PHASE]);
@@ -94,6 +105,12 @@ static void rates(const double *p, const double *x, double v, double torque, dou
         sum -= p[HYSTERESIS] * z * z * z;
         d[LOOP_STATE] = w * (1.0 - (sign(w) * z > 0.0 ? 1.0 : 0.2) * fabs(z * z * z)) - 20.0 * x[LOOP_STATE];
     }
+    if (p[INERTIA_WAVE] != 0.0) {
+        sum -= p[J] * p[INERTIA_WAVE] * cos(2.0 * a) * w * w; /* half its slope along the way */
+    }
+    if (p[THINNING_TIME] > 0.0) { /* grease that its own friction warms */
+        d[WARMTH] = (p[THINNING] * viscous * w - x[WARMTH]) / p[THINNING_TIME];
+    }
     if (p[COUPLED_INERTIA] > 0.0) {
         double twist = x[TWIST];
         double link;
@@ -111,7 +128,7 @@ static void rates(const double *p, const double *x, double v, double torque, dou
         d[TWIST] = w - x[LOAD_SPEED];
     }
     sum -= on->speed * friction(p, x, v, on->speed);
-    d[SPEED] = on->stuck ? 0.0 : sum / p[J];
+    d[SPEED] = on->stuck ? 0.0 : sum / inertia(p, a);
     d[POSITION] = w;
     if (p[IS_MOTOR] != 0.0) {
         const double i = x[CURRENT];
@@ -153,7 +170,7 @@ static void move(const double *p, double *x, double v, double torque, double t, 
         double y[STATES];
         rates(p, x, v, torque, t, &on, free);
         if (x[SPEED] == 0.0) {
-            on.stuck = fabs(p[J] * free[SPEED]) <= friction(p, x, v, free[SPEED]);
+            on.stuck = fabs(inertia(p, x[POSITION]) * free[SPEED]) <= friction(p, x, v, free[SPEED]);
             on.speed = on.stuck ? 0.0 : sign(free[SPEED]);
         }
         if (x[CURRENT] == 0.0) {
@@ -186,6 +203,8 @@ int truth_run(int rows, int fine, double step, const double *p, double *command,
     double x[STATES] = {0.0};
     double integral = 0.0;
     double slewed = 0.0;
+    unsigned number = 1;
+    double dark = 0.0;
     double *driven = malloc(sizeof(double) * (size_t)rows);
     if (driven == NULL) {
         return 1;
@@ -200,6 +219,11 @@ int truth_run(int rows, int fine, double step, const double *p, double *command,
             }
         }
         driven[row] = driver(p, command[row]);
+        if (p[OUTAGE] > 0.0) { /* a loose contact: four times a second, and as long as that */
+            number = drawn(number, command[row]);
+            dark = dark <= 0.0 && number / 4294967296.0 < 4.0 * step ? p[OUTAGE] : dark - step;
+            driven[row] = dark > 0.0 ? 0.0 : driven[row];
+        }
         for (int k = 0; k < fine; ++k) {
             const double t = row * step + k * h;
             const double late = (t - p[DELAY]) / step; /* in rows */

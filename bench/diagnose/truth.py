@@ -21,7 +21,8 @@ PARAMETERS = (
     "drag load step step_time gravity gravity_phase cogging cogging_n cogging_phase ripple ripple_n ripple_phase "
     "stop stop_stiffness spring cubic coupling coupling_damping coupled_inertia gap kt_saturation heat_rise heat_time "
     "brush l_saturation dead_zone limit slew delay supply sag "
-    "angle_damping periodic periodic_hz gain_asymmetry hysteresis hysteresis_reach"
+    "angle_damping periodic periodic_hz gain_asymmetry hysteresis hysteresis_reach "
+    "inertia_wave thinning thinning_time outage"
 ).split()
 COLUMNS = ("current", "speed", "position")
 

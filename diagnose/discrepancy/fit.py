@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmloop.diagnose.data.quantization import coarse
+from firmloop.diagnose.discrepancy.coordinates import Curve
 from firmloop.diagnose.discrepancy.locate import as_others, nominal_plant
-from firmloop.diagnose.discrepancy.terms import SENSOR, Covariate, NamelessTerm, nameless_terms
+from firmloop.diagnose.discrepancy.terms import SENSOR, NamelessTerm, nameless_terms
 from firmloop.diagnose.model.candidate import Candidate, rms_of, unlikely
 from firmloop.diagnose.model.disturbance_smoother import latent
 from firmloop.diagnose.model.fit import noises_of
@@ -130,7 +131,7 @@ def _by_chance(base: _Base, term: NamelessTerm, without: float) -> float:
     A disturbance has a mean, and no law is needed for it.
     """
     nowhere = tuple(np.zeros_like(values) for values in term.coordinate.values)
-    constant = replace(term, coordinate=Covariate("constant", False, nowhere))
+    constant = replace(term, coordinate=Curve("constant", nowhere))
     score = _weighed(base, _moved(base, constant))[0]
     return score if 0.0 < without - score < CHANCE_GAIN else without
 
@@ -165,7 +166,7 @@ def _moved(base: _Base, term: NamelessTerm) -> tuple[Array, ...]:
     found = []
     for k, recording in enumerate(base.recordings):
         each = np.nan_to_num(term.moved(base.plant, recording, k), posinf=0.0, neginf=0.0)
-        if term.coordinate.pitch:  # of each recording's own size and phase
+        if term.coordinate.own:  # of each recording's own size and phase
             wide = np.zeros((*each.shape[:2], each.shape[2] * len(base.recordings)))
             wide[..., k * each.shape[2] : (k + 1) * each.shape[2]] = each
             each = wide
@@ -247,7 +248,7 @@ def _foresees(base: _Base, term: NamelessTerm, shape: Shape) -> bool:
         for k in range(len(base.recordings))
     ]
     rows = np.concatenate(whole)
-    if len(whole) > 1 and not term.coordinate.pitch:
+    if len(whole) > 1 and not term.coordinate.own:
         recording = np.repeat(np.arange(len(whole)), [len(part) for part in whole])
         lots = [recording == k for k in range(len(whole))]
         begins = rows[:, shape.unknowns + free : -1]  # where a recording began is fitted to its own rows
@@ -282,9 +283,7 @@ def _shape(base: _Base, term: NamelessTerm, without: float) -> Shape:
     """Weigh a term by the score `without` it."""
     moved = _moved(base, term)
     score, answer, left = _weighed(base, moved)
-    centres = term.coordinate.centres()
-    points = np.column_stack([centres, np.zeros(len(centres))])
-    if not (term.coordinate.memory or term.coordinate.pitch):
-        points[:, 1] = term.coordinate.shapes(centres) @ answer
+    score += term.coordinate.searched * float(np.log(sum(part.size for part in left)))
+    points = term.coordinate.law(answer)
     name, beside = term.coordinate.name, base.candidate.fitted.terms
     return Shape(term.kind, name, len(answer), without - score, points, left, beside)

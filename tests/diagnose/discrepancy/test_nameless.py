@@ -13,6 +13,7 @@ from tests.conftest import Once
 from tests.diagnose.cases import BY_NAME, diagnosed_once, drawn, said_of, said_once
 
 ONE_SIDED = ("one_sided_gain", "flat_motor", ("speed",), "staircase", False)
+LOOSE_CONTACT = ("intermittent_drive", "small_motor", ("speed", "current"), "chirp", True)
 
 
 def _case(outside: str, machine: str, sensors: tuple[str, ...], excitation: str, colored: bool) -> Case:
@@ -51,6 +52,27 @@ def _case(outside: str, machine: str, sensors: tuple[str, ...], excitation: str,
             False,
             "force",
             "speed, by position_m",
+            marks=pytest.mark.slow,
+        ),
+        (*LOOSE_CONTACT, "voltage", "voltage_V, now and then"),
+        pytest.param(
+            "position_dependent_inertia",
+            "flat_motor",
+            ("speed", "current"),
+            "chirp",
+            False,
+            "torque",
+            "acceleration, by angle (per turn)",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "viscosity_by_heat",
+            "small_motor",
+            ("position", "current"),
+            "triangle",
+            False,
+            "torque",
+            "speed, by its heat of late",
             marks=pytest.mark.slow,
         ),
     ],
