@@ -15,7 +15,6 @@ from firmloop.diagnose.model.candidate import (
     beyond_chance,
     by_simulation_error,
     clearly_nearer,
-    distinct,
     likely,
     memories,
     residual_sizes,
@@ -223,7 +222,7 @@ def _kept(found: Search, bench: _Bench) -> Kept:
     if oversized(noises_of(found.problem, fitted.residuals)):
         most = CLOSER_RMS
     if not here.safe:  # what is right may begin nowhere that readings say
-        noisy = not oversized(found.nominal.noises) and whole.ratio < NEARER_RMS and distinct(found.best.fitted)
+        noisy = not oversized(found.nominal.noises) and whole.ratio < NEARER_RMS and likely(whole.search.best.fitted)
         right = [each for each in (here, whole) if each.foresees] or ([whole] if noisy else [])
         best = min(right, key=lambda each: each.ratio, default=None)
         return Kept(None, here.left.figures) if best is None else Kept(best.search, best.left.figures, best.safe)

@@ -110,3 +110,17 @@ def test_what_ends_on_a_bound_foresees_nothing(monkeypatch: pytest.MonkeyPatch) 
     assert _part(0.02, 4.0).foresees
     monkeypatch.setattr(held_out, "likely", lambda fitted: False)
     assert not _part(0.02, 4.0).foresees
+
+
+@pytest.mark.parametrize("something", [True, False])
+def test_what_is_as_likely_nothing_is_not_kept_below_the_noise_either(
+    something: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of what simulates clearly nearer, though it begins where no reading says: it has to be something."""
+    part = _part(3.4, 4.0)
+    for name, said in (("_whole", part), ("_slimmed", None), ("noises_of", ()), ("oversized", False)):
+        monkeypatch.setattr(held_out, name, lambda *_, said=said: said)
+    monkeypatch.setattr(held_out, "likely", lambda fitted: something)
+    found = SimpleNamespace(best=part.search.best, nominal=SimpleNamespace(noises=()), problem=None)
+    kept = held_out._kept(found, SimpleNamespace())  # type: ignore[arg-type]
+    assert (kept.search is not None) == something
