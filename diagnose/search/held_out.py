@@ -159,7 +159,7 @@ def holding(found: Search, refit: Simulations) -> Kept:
     if not found.best.fitted.terms:
         return Kept(found, bench.left_out(found).figures)
     kept = _kept(found, bench)
-    return kept if kept.search is not None else _rival(found, bench) or kept
+    return kept if kept.search is not None else _rival(found, bench, _ratio(kept.figures)) or kept
 
 
 def _as_simulated(found: Search) -> Search:
@@ -191,10 +191,10 @@ def _as_simulated(found: Search) -> Search:
     return replace(found, best=rated[least] if least else best, rounds=(*rounds, beside))
 
 
-def _rival(found: Search, bench: _Bench) -> Kept | None:
+def _rival(found: Search, bench: _Bench, off: float) -> Kept | None:
     """Return the nearest that holds of all that innovations hardly tell from the best, which does not; None if none.
 
-    Beside it stands only what comes about as near.
+    Beside it stands only what comes about as near, be it the best: `off` is its rms over the refit's.
     """
     within = max(LEVELLED_WITHIN, SHAPE_SHARE * (found.nominal.score - found.best.score))
     near = {terms: each for terms, each in near_best(found, within).items() if as_near(found, each)}
@@ -203,8 +203,10 @@ def _rival(found: Search, bench: _Bench) -> Kept | None:
     nearest = min(ratios, key=lambda terms: ratios[terms], default=None)
     if nearest is None or (search := asked[nearest].search) is None:
         return None
+    best = found.best.fitted
+    ratios = {**ratios, frozenset(best.terms): off if likely(best) else np.inf}
     beside = {terms for terms, ratio in ratios.items() if CLOSER_RMS * ratio < ratios[nearest]}
-    gone = {frozenset(found.best.fitted.terms), *near} - beside
+    gone = {frozenset(best.terms), *near} - beside
     rounds = tuple(tuple(each for each in turn if frozenset(each.fitted.terms) not in gone) for turn in search.rounds)
     return asked[nearest]._replace(search=replace(search, rounds=rounds))
 

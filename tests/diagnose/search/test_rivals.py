@@ -10,9 +10,10 @@ import pytest
 from firmloop.diagnose.model.candidate import Candidate, extended, rated
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.policy import TIE
+from firmloop.diagnose.search import held_out
 from firmloop.diagnose.search.found import Search, candidates_of, standing
 from firmloop.diagnose.search.harmless import Simulations, as_identified
-from firmloop.diagnose.search.held_out import holding
+from firmloop.diagnose.search.held_out import Kept, holding
 from firmloop.diagnose.search.simulation_error import misfits
 from firmloop.identify.plants.effects import find_effect
 from tests.diagnose.cases import concealed, nominal_of, problem_of, refitted, shortened, without_tests
@@ -55,6 +56,29 @@ def test_what_holds_where_it_was_left_out_stands_for_what_innovations_prefer_by_
         return
     assert kept.search is not None and kept.search.best.fitted.names == (RIGHT,)
     assert [each.fitted.names for turn in kept.search.rounds for each in turn] == [(RIGHT,)]
+
+
+@pytest.mark.parametrize("off", [1.1, 5.0])
+def test_the_best_stands_beside_its_rival_where_it_comes_about_as_near(
+    off: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lag and a slew rate after one step: a drift alone makes the one a hair worse where it was left out."""
+    problem = problem_of(shortened(without_tests(concealed(tmp_path, RIGHT, 0.3, False))))
+    nominal = nominal_of(problem)
+    best, rival = (_tried(problem, nominal, name) for name in (WRONG, RIGHT))
+    best = replace(best, score=rival.score - 5.0)
+    found = Search(problem, nominal, best, ((best, rival),), (), (nominal.score - best.score,))
+
+    def kept(search: Search, bench: object) -> Kept:
+        holds = search.best.fitted.names == (RIGHT,)
+        return Kept(search if holds else None, {"speed": {"after": 1.0 if holds else off, "refit": 1.0}}, holds)
+
+    monkeypatch.setattr(held_out, "_kept", kept)
+    monkeypatch.setattr(held_out, "likely", lambda fitted: True)
+    made = holding(found, _plain(problem)).search
+    assert made is not None and made.best.fitted.names == (RIGHT,)
+    names = {each.fitted.names for turn in made.rounds for each in turn}
+    assert names == ({(RIGHT,), (WRONG,)} if off < 2.0 else {(RIGHT,)})
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5])
