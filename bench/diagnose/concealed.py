@@ -268,12 +268,8 @@ OUTSIDE: Mapping[str, Callable[[Machine, float], Mapping[str, float]]] = {
     "viscosity_by_heat": _thinned,
     "intermittent_drive": lambda m, s: {"outage": 0.03 * s},
 }
-MIXED = (
-    "angle_dependent_damping",
-    "hysteretic_spring",
-    "one_sided_gain",
-    "periodic_torque",
-)  # of the mixture of strata
+# Those of the mixture of strata, whose seeds are known.
+MIXED = ("angle_dependent_damping", "hysteretic_spring", "one_sided_gain", "periodic_torque")
 
 
 def effects_for(machine: Machine, quantities: tuple[str, ...], closed: bool) -> Mapping[str, Draw]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Coordinate:
+class Coordinate(ABC):
     """What a term could follow: `values` (n,) of every recording."""
 
     name: str
@@ -43,9 +44,9 @@ class Coordinate:
         """Tell whether every recording has a size of the term of its own."""
         return False
 
+    @abstractmethod
     def columns(self, index: int) -> Array:
         """Return what is known of the term (n, b) in one recording, but for its b unknowns."""
-        raise NotImplementedError
 
     def law(self, answer: Array) -> Array:
         """Return points (m, 2) of the coordinate and the term, whose unknowns are `answer` (b,); none of no curve.
@@ -174,14 +175,12 @@ class Warmth(Coordinate):
 
 @dataclass(frozen=True, slots=True)
 class Interrupted(Coordinate):
-    """A drive that fails now and then: `values` while it does, nothing else; `times` that it did."""
-
-    times: int
+    """A drive that fails now and then: `values` while it does, nothing else."""
 
     @property
     def searched(self) -> int:
         """See `Coordinate`: where each time begins and ends."""
-        return 2 * self.times
+        return 2 * sum(int(np.sum(np.diff((each != 0.0).astype(int), prepend=0) > 0)) for each in self.values)
 
     def columns(self, index: int) -> Array:
         """See `Coordinate`."""
@@ -206,8 +205,7 @@ def interrupted(name: str, drives: Sequence[Array], disturbances: Sequence[Array
         return None
     half = usual + 0.5 * (float(np.median(away)) - usual)
     off = [(share < half) & tells for share, tells in zip(shares, telling, strict=True)]
-    times = sum(int(np.sum(np.diff(each.astype(int), prepend=0) > 0)) for each in off)
-    return Interrupted(f"{name}, now and then", tuple(d * each for d, each in zip(drives, off, strict=True)), times)
+    return Interrupted(f"{name}, now and then", tuple(d * each for d, each in zip(drives, off, strict=True)))
 
 
 def _recalled(values: Array, step: float, times: Sequence[float]) -> Array:
