@@ -34,6 +34,7 @@ class ResidualTests:
     independence: float
     bias: float  # chance of a mean at least so far from 0
     worst_lag: int  # samples by which the input comes before what it still explains
+    answering: float = 0.0  # share of the residuals that input and motion explain beyond chance, by checks/structure.py
 
     @property
     def white(self) -> bool:
@@ -52,8 +53,8 @@ class ResidualTests:
 
     @property
     def answers_nothing(self) -> bool:
-        """Whether the test for the input alone, which reckons with the residual's own memory, leaves as much."""
-        return _likely(self.independence)
+        """Whether those tests that reckon with the residual's own memory see nothing of input and motion in it."""
+        return _likely(self.independence) and self.answering == 0.0
 
 
 def _likely(chance: float) -> bool:

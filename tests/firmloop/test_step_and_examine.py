@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from bench.host.identify_faults import changed, swing
 from firmloop.cli import main
@@ -107,7 +108,15 @@ def test_noise_with_a_memory_is_nothing_that_a_model_lacks(
     assert re.search(rf"  mean 0 \S+ *{verdict}\n", capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("bend", [lambda v: v + 0.05 * v * np.abs(v), lambda v: v + np.linspace(0.0, 1.0, len(v))])
+BENDS: list[Callable[[np.ndarray], np.ndarray]] = [
+    lambda v: v + 0.05 * v * np.abs(v),
+    lambda v: v + np.linspace(0.0, 1.0, len(v)),
+    lambda v: v + 0.002 * v * np.abs(v),  # less of the residual than noise, and no less sure
+    lambda v: scipy.signal.savgol_filter(v + 0.004 * v * np.abs(v), 11, 2),  # a log that was smoothed
+]
+
+
+@pytest.mark.parametrize("bend", BENDS)
 def test_what_a_model_lacks_is_no_noise(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], bend: Callable[[np.ndarray], np.ndarray]
 ) -> None:

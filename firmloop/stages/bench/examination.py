@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from firmloop.identify.bench_tests.sensitivity import Sensitivity, sensitivity
 from firmloop.identify.error import IdentifyError
+from firmloop.identify.fitting.checks.structure import answers
+from firmloop.identify.fitting.evidence import Evidence
 from firmloop.identify.fitting.fit import Fit, fit
 from firmloop.identify.fitting.redraw import Redrawn, blocks, left_over, redraw, white
 from firmloop.identify.fitting.residual_tests import ResidualTests, residual_tests
@@ -55,10 +57,12 @@ def examination(project: Project, data: Data, draws: int, seed: int, report: obj
             varied = sensitivity(fitted.plant, level or 1.0, seed)
         except IdentifyError as error:
             why = str(error)
+    told = answers(Evidence(fitted.plant, data.train, conditioning, fitted))
     tests = {
-        recording.source: {
-            output.name: residual_tests(left[:, k], drive[:, 0]) for k, output in enumerate(fitted.plant.outputs)
+        source: {
+            name: replace(residual_tests(column, drive[:, 0]), answering=share)
+            for (name, share), column in zip(shares.items(), left.T, strict=True)
         }
-        for recording, (left, drive) in zip(data.train, left_over(fitted, data.train, conditioning), strict=True)
+        for (source, shares), (left, drive) in zip(told, left_over(fitted, data.train, conditioning), strict=True)
     }
     return Examination(fitted, drawn, again, tests, varied, why, bare)

@@ -31,27 +31,35 @@ _SEED = 20240229  # any; fixed, so that a check repeats
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
-    """Ask each output of each recording."""
+    """Ask each output of each recording; a small share is not worth a word."""
     assert evidence.fit is not None
     plant = evidence.fit.plant
     found = []
-    left = [part.residual for part in remainders(evidence)]
-    for k, output in enumerate(plant.outputs):
-        worst, where = 0.0, ""
-        for part, recording, score in zip(left, evidence.recordings, evidence.fit.train, strict=True):
-            residual = part[:, k]
-            spread = float(np.std(recording.columns[output.name]))
-            if len(residual) != len(recording.time) or np.std(residual) < _SMALL * spread:
-                continue
-            share = answering(residual, features(evidence.fit.plant, recording, score.simulated))
-            worst, where = max((worst, where), (share, score.source))
-        if worst > 0.0:
+    left = answers(evidence)
+    for output in plant.outputs:
+        worst, where = max((shares[output.name], source) for source, shares in left)
+        if worst > _SHARE:
             found.append(
                 f"what {plant.kind} leaves of {output.name} in {where} is no noise: the input still explains "
                 f"{100.0 * worst:.0f} % of it, so that the intervals do not hold; ask firmloop diagnose what is "
                 "missing, or choose another plant.kind"
             )
     return tuple(found)
+
+
+def answers(evidence: Evidence) -> list[tuple[str, dict[str, float]]]:
+    """Return which share of each recording's residuals its input explains beyond chance: source, then by output."""
+    assert evidence.fit is not None
+    found = []
+    for part, recording, score in zip(remainders(evidence), evidence.recordings, evidence.fit.train, strict=True):
+        shares = {}
+        for k, output in enumerate(evidence.fit.plant.outputs):
+            residual, spread = part.residual[:, k], float(np.std(recording.columns[output.name]))
+            told = len(residual) == len(recording.time) and np.std(residual) >= _SMALL * spread
+            given = features(evidence.fit.plant, recording, score.simulated) if told else None
+            shares[output.name] = 0.0 if given is None else explained_share(residual, given)
+        found.append((score.source, shares))
+    return found
 
 
 def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
