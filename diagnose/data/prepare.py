@@ -159,7 +159,8 @@ def two_machines(plant: Plant, train: Sequence[Recording]) -> Apart | None:
                 f"{short[0].source} and {short[index].source} are not of one plant: alone they are met best with "
                 f"{far} = {first[far]:.3g} and {first[far] * np.exp(moved[far]):.3g}, together "
                 f"{together.power / sum(powers):.2g} times as much is left. {_question(plant, short, both, far)}; else "
-                "diagnose one machine at a time"
+                "diagnose one machine at a time, or, if each stands at another level and a loss bends with it "
+                '(radiation, convection, drag), write that loss with plant.kind = "ode"'
             )
             return Apart(says, sum(powers) / sum(map(len, columns)))
     return None

@@ -7,6 +7,7 @@ them. (Random phases keep a spectrum too, but end where they began, and what dri
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,11 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.effective_samples import drawn_from, noises_of
-from firmloop.identify.fitting.evidence import Evidence, remainders, run_as_given
+from firmloop.identify.fitting.evidence import Evidence, explained, left_after, remainders, run_as_given
 from firmloop.identify.fitting.least_squares import triangle
+from firmloop.identify.fitting.residual_tests import independent
 from firmloop.identify.plants.plant import Plant
+from firmloop.identify.recordings.conditioning import condition_output
 from firmloop.identify.recordings.recording import Recording
 
 Array = NDArray[np.float64]
@@ -26,19 +29,28 @@ _LAGS = 10  # of the past input, spaced by powers
 _SURROGATES = 100
 _BEYOND = 4.5  # deviations of the logarithm of what surrogates leave unexplained
 _SHARE = 0.15  # of the residual's variance, beyond what surrogates have
+_CERTAIN = 24.0  # by which twice the log likelihood rises, as of a drift
 _SMALL = 1e-3  # of the output's spread: a residual below it harms nobody
 _SEED = 20240229  # any; fixed, so that a check repeats
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
-    """Ask each output of each recording; a small share is not worth a word."""
+    """Ask each output of all recordings together, then of each of them; a small share is not worth a word."""
     assert evidence.fit is not None
     plant = evidence.fit.plant
     found = []
-    left = answers(evidence)
+    left, bent = answers(evidence), _bent(evidence)
     for output in plant.outputs:
         worst, where = max((shares[output.name], source) for source, shares in left)
-        if worst > _SHARE:
+        if output.name in bent:
+            found.append(
+                f"what {plant.kind} leaves of {output.name} bends with its level: over all recordings "
+                f"{100.0 * bent[output.name]:.0f} % of it goes with the square of {output.name}, as where heat is lost "
+                "by radiation or convection, or a fluid drags, so that one set of values does not hold at every level; "
+                'ask firmloop diagnose what is missing, or write that loss with plant.kind = "ode", which firmloop '
+                "explain ode shows"
+            )
+        elif worst > _SHARE:
             found.append(
                 f"what {plant.kind} leaves of {output.name} in {where} is no noise: the input still explains "
                 f"{100.0 * worst:.0f} % of it, so that the intervals do not hold; ask firmloop diagnose what is "
@@ -60,6 +72,50 @@ def answers(evidence: Evidence) -> list[tuple[str, dict[str, float]]]:
             shares[output.name] = 0.0 if given is None else explained_share(residual, given)
         found.append((score.source, shares))
     return found
+
+
+def _bent(evidence: Evidence) -> dict[str, float]:
+    """Return which share of what is left an input would leave that goes with the square of a simulated output.
+
+    By output, where that is worth a word and no chance: few steps of several recordings tell it only together.
+    """
+    assert evidence.fit is not None
+    plant, parts = evidence.fit.plant, remainders(evidence)
+    found: dict[str, float] = {}
+    pairs = list(zip(evidence.recordings, evidence.fit.train, strict=True))
+    if any(len(part.residual) != len(one.time) for part, (one, _) in zip(parts, pairs, strict=True)):
+        return {}
+    weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
+    for k, output in enumerate(plant.outputs):
+        if evidence.fit.noise[output.name] < _SMALL * max(np.std(one.columns[output.name]) for one, _ in pairs):
+            continue
+        for turn in (np.square, lambda y: y * np.abs(y)):
+            drives = [turn(score.simulated[:, k]) for _, score in pairs]
+            scale = max(_size(one.columns[plant.inputs[0].name]) for one, _ in pairs) / max(map(_size, drives))
+            runs = (_driven(evidence, one, scale * drive) for (one, _), drive in zip(pairs, drives, strict=True))
+            columns = [run for run in runs if run is not None]
+            if len(columns) < len(pairs):
+                continue
+            bend = explained(parts, weights, columns)
+            rest = left_after(bend, parts, weights, columns)
+            rise = -independent([left[:, k] for left in rest]) * math.log(max(1.0 - bend.share, 1e-300))
+            if bend.share > max(_SHARE, found.get(output.name, 0.0)) and rise > _CERTAIN:
+                found[output.name] = bend.share
+    return found
+
+
+def _driven(evidence: Evidence, recording: Recording, drive: Array) -> Array | None:
+    """Return by how much an input (n,) moves what is compared of the fit's outputs (n, r)."""
+    assert evidence.fit is not None
+    plant = evidence.fit.plant
+    with_it, without = (
+        run_as_given(plant, replace(recording, columns={**recording.columns, plant.inputs[0].name: each}))
+        for each in (drive, 0.0 * drive)
+    )
+    if with_it is None or without is None:
+        return None
+    moved = zip(plant.outputs, (with_it - without).T, strict=True)
+    return np.stack([condition_output(evidence.conditioning, o.name, recording.time, each) for o, each in moved], 1)
 
 
 def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
+import pytest
 
 from bench.host.identify_faults import heater, noise
 from firmloop.cli import main
-from tests.firmloop.columns.test_identify_says import identified, seeded, written
+from tests.firmloop.columns.test_identify_says import identified, logged, seeded, written
 
 
 def test_intervals_that_missing_friction_widens_are_no_reason_to_record_more(tmp_path, capsys):
@@ -88,3 +91,47 @@ def test_what_cannot_be_told_from_zero_is_said_once(tmp_path, capsys):
     says, _ = identified(written(tmp_path / "log", made), capsys)
     told = [each for each in says if each.startswith("J_kg_m2")]
     assert len(told) == 1 and "cannot be told from 0" in told[0], says
+
+
+LOSSES = {
+    "radiation": lambda c: 2.2e-9 * ((c + 273.15) ** 4 - 293.15**4),
+    "convection": lambda c: 0.25 * np.sign(c - 20.0) * np.abs(c - 20.0) ** 1.25,
+    "conduction": lambda c: 0.7 * (c - 20.0),
+}
+
+
+def heated(loss, powers, seed, lag_s=0.0):
+    """A body of 200 J/K in a room of 20 degC, its power in W held for 1500 s each and passed through a second lag."""
+    drive, celsius, warmth, heater_W = np.repeat(np.array(powers, float), 300), [], 20.0, 0.0
+    for power in drive:
+        celsius.append(warmth)
+        for _ in range(10):
+            heater_W = power if lag_s == 0.0 else heater_W + 0.5 * (power - heater_W) / lag_s
+            warmth += 0.5 / 200.0 * (heater_W - loss(warmth))
+    shown = np.array(celsius) + noise(seeded(seed), len(drive), 0.3)
+    given = {"gain": 1.0, "time_constant_s": 200.0, "delay_s": {"value": 0.0, "free": False}, "output_at_rest": 20.0}
+    table = {"kind": "first_order", "input": "power_W", "outputs": ["temperature_C"], "parameters": given}
+    return table, 5.0 * np.arange(len(drive)), {"power_W": drive, "temperature_C": shown}
+
+
+def remarks_on(folder, runs, capsys):
+    project = written(folder, runs[0]) / "project.toml"
+    for k, (_, time, columns) in enumerate(runs):
+        logged(folder / f"{k}.csv", time, columns)
+    names = json.dumps([f"{k}.csv" for k in range(len(runs))])
+    project.write_text(project.read_text().replace('["log.csv"]', names, 1))
+    return identified(folder, capsys)[0]
+
+
+@pytest.mark.parametrize("powers", [[[0, 30, 120, 0]], [[0, 40], [0, 80], [0, 160]], [[0, 50, 150], [0, 100, 0]]])
+@pytest.mark.parametrize("loss", LOSSES)
+def test_a_loss_that_grows_faster_than_its_level_is_told_and_a_linear_one_is_not(tmp_path, capsys, loss, powers):
+    says = remarks_on(tmp_path / "log", [heated(LOSSES[loss], each, k) for k, each in enumerate(powers)], capsys)
+    told = [each for each in says if "bends with its level" in each and "ask firmloop diagnose" in each]
+    assert len(told) == (loss != "conduction"), says
+
+
+@pytest.mark.parametrize("powers", [[[0, 30, 120, 0]], [[0, 40], [0, 80], [0, 120]]])
+def test_a_second_lag_is_not_taken_for_such_a_loss(tmp_path, capsys, powers):
+    runs = [heated(LOSSES["conduction"], each, k, lag_s=80.0) for k, each in enumerate(powers)]
+    assert not any("bends with its level" in each for each in remarks_on(tmp_path / "log", runs, capsys))
