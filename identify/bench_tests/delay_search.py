@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 import scipy
 
-from firmloop.identify.bench_tests.blackbox import Record, fit_oe, miss, prefiltered
+from firmloop.identify.bench_tests.blackbox import Record, fit_oe, integrating, miss, prefiltered
 
 MOST = 200  # samples of delay that are tried
 EARLY = 40  # samples by which an output may lead its input
@@ -116,6 +116,39 @@ def _shifted(record: Record, late: int) -> Record:
 def without_means(records: Sequence[Record]) -> list[Record]:
     """Take the mean off both signals of every recording, as `remove_offset` does."""
     return [Record(one.source, one.drive - one.drive.mean(), one.output - one.output.mean()) for one in records]
+
+
+def begun_at(records: Sequence[Record]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return where input and output stand before the input first changes, or before it came up from 0, on an average.
+
+    An input that comes up in the first row acts from there on: its output still stands as without it.
+    """
+    counts = [int(np.argmax(np.append(one.drive, np.nan) != one.drive[0])) for one in records]
+    held = [one.output[:count].mean() for one, count in zip(records, counts, strict=True)]
+    return (
+        (float(np.mean([one.drive[0] for one in records])), float(np.mean(held))),
+        (0.0, float(np.mean([one.output[0] for one in records]))),
+    )
+
+
+def from_rest(records: Sequence[Record], rest: tuple[float, float]) -> list[Record]:
+    """Take one level of rest each off the inputs and the outputs of all recordings."""
+    return [Record(one.source, one.drive - rest[0], one.output - rest[1]) for one in records]
+
+
+def spoiled_by_rest(records: Sequence[Record], order: int, late: int) -> tuple[float, float] | None:
+    """Return where the recordings begin at rest, if that taken off leaves much less, and least of what may be.
+
+    What integrates rests anywhere: where it begins is no level of its own.
+    """
+    left = {rest: least_miss(from_rest(records, rest), order, late) for rest in begun_at(records)}
+    best = min(left, key=lambda rest: left[rest])
+    if WRONG * left[best] >= least_miss(records, order, late):
+        return None
+    others = (least_miss(each, order, late) for each in (without_means(records), without_lines(records)))
+    begun = from_rest(records, best)
+    settles = np.all(np.abs(np.linalg.eigvals(integrating(fit_oe(begun, order, late), begun).a)) < 1.0)
+    return best if left[best] <= min(others) and settles else None
 
 
 def without_lines(records: Sequence[Record]) -> list[Record]:

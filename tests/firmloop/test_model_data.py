@@ -132,6 +132,29 @@ def test_signals_that_rest_away_from_zero_are_refused_with_a_key_that_works(
     assert scored["rmse"] == pytest.approx(0.03, rel=0.1)  # the noise: without its mean the input drives the score, too
 
 
+LEVELS = [(0.0, 20.0, 0), (0.0, -15.0, 0), (40.0, 75.0, 1), (0.0, 5.0, 40)]  # of the input, the output; rows at rest
+
+
+@pytest.mark.parametrize(("drive_rest", "output_rest", "still"), LEVELS)
+def test_an_output_that_begins_at_its_rest_is_refused_with_the_lines_that_give_its_gain(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], drive_rest: float, output_rest: float, still: int
+) -> None:
+    """A heater in its room: while its means are moved by how it warmed up, taking them off leaves much, too."""
+    (above,), below, _ = scipy.signal.cont2discrete(([1.4], [60.0, 1.0]), 1.0)
+    moves = np.repeat(np.random.default_rng(8).choice([0.0, 40.0, 80.0], 30), 30)
+    drive = np.concatenate([np.zeros(still), moves[moves.nonzero()[0][0] :]])
+    output = scipy.signal.lfilter(above, below, drive) + 0.1 * np.random.default_rng(9).standard_normal(len(drive))
+    project = left(tmp_path, drive, 0, 0.0, (0.0, 0.0), "order = 1\n")
+    rows = [f"{k},{u + drive_rest},{y + output_rest}" for k, (u, y) in enumerate(zip(drive, output, strict=True))]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *rows]))
+    assert main(["model", str(project), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "position_rad rests at " in said, said
+    lines = re.findall(r"\w+ = \{ name = \S+, offset = \S+ \}", said)
+    project.write_text(project.read_text() + "[recordings.rename]\n" + "\n".join(lines) + "\n")
+    assert found(project)["gain"] == pytest.approx(1.4, rel=0.02)
+
+
 @pytest.mark.parametrize(("structure", "dirt"), [("arx", 0.0), ("oe", 0.05), ("n4sid", 0.05)])
 def test_one_sine_does_not_make_a_second_order_model(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], structure: str, dirt: float

@@ -34,6 +34,7 @@ from firmloop.identify.bench_tests.delay_search import (
     rest_of_an_integrator,
     spoiled_by_lines,
     spoiled_by_means,
+    spoiled_by_rest,
     without_means,
 )
 from firmloop.identify.error import IdentifyError
@@ -315,21 +316,34 @@ def _about_drift(project: Project, records: Sequence[Record], plain: SampledMode
 def _check_means(project: Project, records: Sequence[Record], order: int, late: int) -> None:
     """Refuse signals that rest away from 0, where the model would be a better one without their means."""
     assert project.plant is not None
-    if not spoiled_by_means(records, order, late):
+    begun, means_spoil = spoiled_by_rest(records, order, late), spoiled_by_means(records, order, late)
+    if begun is None and not means_spoil:
         return
     drive, output = project.plant.input, project.plant.outputs[0]
-    rest = rest_of_an_integrator(records, order, late)
+    rest = rest_of_an_integrator(records, order, late) if means_spoil else None
     if rest is not None:
         raise IdentifyError(
             f"{records[0].source}: {output} integrates {drive}, and stands still at {drive} = {rest:.6g} in place of "
-            f'0; take that off in [recordings.rename], such as {drive} = {{ name = "{drive}", offset = {-rest:.6g} }}; '
+            f"0; take that off in [recordings.rename], such as {_offset(drive, rest)}; "
             "the mean is another value, and removing it would harm"
         )
-    if spoiled_by_lines(records, order, late):
+    if begun is None and spoiled_by_lines(records, order, late):
         raise IdentifyError(about_drift(records, drive, output))
+    if begun is not None:
+        lines = [_offset(name, level) for name, level in zip((drive, output), begun, strict=True) if level != 0.0]
+        raise IdentifyError(
+            f"{records[0].source}: {output} rests at {begun[1]:.6g} where {drive} is {begun[0]:.6g}, and a linear "
+            "model from 0 does not hold; take that off in [recordings.rename], with the names of the file on the left: "
+            f"{' and '.join(lines)}; the means are other values"
+        )
     means = [float(np.mean(np.concatenate([getattr(one, part) for one in records]))) for part in ("drive", "output")]
     raise IdentifyError(
         f"{records[0].source}: {drive} and {output} rest away from 0 (their means are {means[0]:.3g} and "
         f"{means[1]:.3g}), where a linear model from 0 does not hold; take the means off with "
         f'[recordings.conditioning] remove_offset = ["{drive}", "{output}"]'
     )
+
+
+def _offset(name: str, level: float) -> str:
+    """Write the line of a column that loses a level."""
+    return f'{name} = {{ name = "{name}", offset = {-level:.6g} }}'
