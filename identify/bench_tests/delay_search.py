@@ -24,6 +24,9 @@ CERTAIN = float(scipy.special.chdtri(1, 0.001))  # least gain of a delay in twic
 _STEPS = (1, 2, 4)  # samples from one delay to those that are compared with it
 _EXACT = 1e-9  # of a mean square error: less is rounding
 _PAST = (0, 1, 2, 4, 8, 16, 32)  # samples
+BACKWARDS = (
+    4.0  # times the mean square error: an integrator in its right order leaves up to 2.8 times what it does turned
+)
 WRONG = 1.5  # times the mean square error by which means that are left in spoil a fit
 
 
@@ -99,13 +102,32 @@ def samples_early(records: Sequence[Record], order: int) -> int:
     """
     rows = sum(len(one.output) for one in records)
     own = min(least_miss(records, order, 0), miss(fit_oe(records, order, 0), records))
-    last = min(EARLY, min(len(one.output) for one in records) // SHARE)
-    shifted = ([_shifted(one, late) for one in records] for late in range(1, last + 1))
-    left = [max(least_miss(each, order, 0), own * _EXACT) for each in shifted]
+    left = [max(each, own * _EXACT) for each in _early_misses(records, order)]
     least = min(left, default=own)
     if own <= WRONG * least or rows * math.log(own / least) < CERTAIN:
         return 0
     return next(late for late, one in enumerate(left, 1) if rows * math.log(one / least) < CERTAIN)
+
+
+def runs_backwards(records: Sequence[Record], order: int) -> bool:
+    """Tell whether a model leaves much less of the rows from the last to the first, as of no plant it does.
+
+    A second order, for one of too low an order leaves much both ways; and no less may be left by an output that leads.
+    """
+    order = max(order, 2)
+    turned = [Record(one.source, one.drive[::-1].copy(), one.output[::-1].copy()) for one in records]
+    own, other = (
+        min(least_miss(way, order, 0) for way in (each, without_means(each), without_lines(each)))
+        for each in (records, turned)
+    )
+    return other * BACKWARDS < own and other * BACKWARDS < min(_early_misses(records, order), default=own)
+
+
+def _early_misses(records: Sequence[Record], order: int) -> list[float]:
+    """Return what is left of an output that leads its input by one sample, two, and so on."""
+    last = min(EARLY, min(len(one.output) for one in records) // SHARE)
+    shifted = ([_shifted(one, late) for one in records] for late in range(1, last + 1))
+    return [least_miss(each, order, 0) for each in shifted]
 
 
 def _shifted(record: Record, late: int) -> Record:

@@ -135,6 +135,24 @@ def test_signals_that_rest_away_from_zero_are_refused_with_a_key_that_works(
 LEVELS = [(0.0, 20.0, 0), (0.0, -15.0, 0), (40.0, 75.0, 1), (0.0, 5.0, 40)]  # of the input, the output; rows at rest
 
 
+@pytest.mark.parametrize("held", [10, 50])
+@pytest.mark.parametrize("asked", ["", "order = 1\n", 'structure = "arx"\n'])
+def test_rows_in_the_wrong_order_are_told_as_such(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], asked: str, held: int
+) -> None:
+    """Of the same rows in their right order nothing of the kind is said."""
+    drive = np.repeat(np.random.default_rng(5).choice([-1.0, 1.0], 600 // held), held)
+    project = left(tmp_path, drive, 0, 0.02, (0.0, 0.0), asked)
+    rows = (tmp_path / "log.csv").read_text().splitlines()
+    main(["model", str(project), "--out", str(tmp_path / "out")])
+    assert "wrong order" not in "".join(capsys.readouterr())
+    values = [row.partition(",")[2] for row in reversed(rows[1:])]
+    turned = [f"{row.partition(',')[0]},{value}" for row, value in zip(rows[1:], values, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join([rows[0], *turned]))
+    main(["model", str(project), "--out", str(tmp_path / "out")])
+    assert "position_rad answers drive_V from the last row to the first" in "".join(capsys.readouterr())
+
+
 @pytest.mark.parametrize(("drive_rest", "output_rest", "still"), LEVELS)
 def test_an_output_that_begins_at_its_rest_is_refused_with_the_lines_that_give_its_gain(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], drive_rest: float, output_rest: float, still: int

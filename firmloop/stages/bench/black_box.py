@@ -53,6 +53,7 @@ from firmloop.stages.bench.model_notes import (
     about_lead,
     about_line,
     about_noise,
+    about_order,
     about_rest,
     found_delay,
     given_delay,
@@ -265,7 +266,8 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
             spread = _spread(structure, records, sampled, period, judged["train"])
     cut = cut_input(project, data.train)
     plain = companion(sampled)
-    early = about_lead(records, order, drive, output) if found.least == 0 else ""
+    turned = about_order(records, order, drive, output)
+    early = turned or (about_lead(records, order, drive, output) if found.least == 0 else "")
     about = (
         found_delay(found) if searched else given_delay(records, order, late, found),
         about_noise(structure, records, plain),
@@ -280,12 +282,13 @@ def black_box(project: Project, stage: Stage) -> BlackBox:
 
 @contextmanager
 def _unless_early(records: Sequence[Record], order: int, drive: str, output: str) -> Iterator[None]:
-    """Name an output that answers before its input as the cause where no model is found: it looks like other faults."""
+    """Name an output before its input, or rows turned around, where no model is found: they look like other faults."""
     try:
         yield
     except IdentifyError:
-        if early := about_lead(without_means(records), order, drive, output):
-            raise IdentifyError(early) from None
+        for about in (about_order, about_lead):
+            if early := about(without_means(records), order, drive, output):
+                raise IdentifyError(early) from None
         raise
 
 

@@ -16,7 +16,7 @@ from firmloop.identify.bench_tests.blackbox import (
     miss,
     residuals,
 )
-from firmloop.identify.bench_tests.delay_search import DelaysAlike, least_miss, samples_early
+from firmloop.identify.bench_tests.delay_search import DelaysAlike, least_miss, runs_backwards, samples_early
 from firmloop.identify.fitting.residual_tests import residual_tests
 
 FOLLOWS = 1e-3  # least probability of residuals as independent of the input as these
@@ -95,6 +95,17 @@ def about_lead(records: Sequence[Record], order: int, drive: str, output: str) -
         f"and its output is read before; shift the column {output} down by {count}, or {drive} up, if they were logged "
         "by two clocks, filtered to and fro, or read after the input had acted; exchange both names if "
         f"{output} is what drives"
+    )
+
+
+def about_order(records: Sequence[Record], order: int, drive: str, output: str) -> str:
+    """Say that the rows stand in the wrong order, if a model follows them from the last to the first alone."""
+    if not runs_backwards(records, order):
+        return ""
+    return (
+        f"{', '.join(one.source for one in records)}: {output} answers {drive} from the last row to the first, and not "
+        "from the first to the last: the rows stand in the wrong order; turn them around in the file, and number the "
+        "times anew"
     )
 
 
