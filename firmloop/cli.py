@@ -111,7 +111,7 @@ def _failed(error: Exception, console: Console) -> int:
         paste = str(getattr(error, "paste", ""))
         message = message.removesuffix(f"\n{paste}") if paste else message
         message = message.replace("\n", "\\n")  # of a name in it: the complaint is one line, and what to paste
-        message = "\n  ".join((message, *paste.splitlines()))
+        message = "\n  ".join((message, *(paste.rstrip("\n").split("\n") if paste else ())))
     elif _is_one_of(error, TOOLS_ERRORS):
         status = NO_TOOL
     elif isinstance(error, ModuleNotFoundError) and error.name and not error.name.startswith("firmloop"):

@@ -12,6 +12,7 @@ COEFFICIENTS, LARGEST_COEFFICIENT, SMALLEST_COEFFICIENT = ("numerator", "denomin
 WIDEST = 1e12  # of a signal: a counter of 32 bits, a pressure of 10,000 bar in Pa and a clock in Hz are less
 LONGEST_TEXT = 4096  # bytes of a text, as many as of a path
 LONGEST_NAME = 255  # bytes of a key, or of a file's name: no common file system keeps a longer one
+DEEPEST = 16  # tables in one another; a project has four
 MOST_ENTRIES = 100_000  # of a list; what is longer belongs in a recording
 WIRE_ENDS = ("low", "high")
 WRITTEN_BY_FITS = ("ci95",)  # nobody computes with it, and an end of it may be as near to 0 as it comes
@@ -38,7 +39,9 @@ def whole(value: object, low: int, high: int) -> int:
 
 def faults(value: object, place: Place) -> Iterator[tuple[Place, str]]:
     """Yield the place of every value of a TOML document that is beyond its extent, with the rule that it breaks."""
-    if isinstance(value, dict):
+    if len(place) > DEEPEST:
+        yield place[:1], f"holds tables in one another, more than {DEEPEST} deep; no key of a project lies so deep"
+    elif isinstance(value, dict):
         for key, entry in value.items():
             if len(key.encode()) > LONGEST_NAME:
                 yield place, f"holds a key of {len(key.encode())} bytes; a name has at most {LONGEST_NAME}"

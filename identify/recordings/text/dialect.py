@@ -23,7 +23,9 @@ _PARTING = ";\t|,"
 _WAYS = ((",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", "."), ("|", ","))
 _SPACED = ((" ", "."), (" ", ","))  # any number of them is one
 _FEWEST, _MOST = 3, 200  # rows that make a table, and that are looked at for how it is written
-_FIRST = 10_000  # lines that are looked at before all of them: a file has no longer preamble
+_A_NUMBER = re.compile(r"\d|nan|inf", re.IGNORECASE)  # every row of numbers has one of these
+_FIRST = 10_000  # lines that are looked at first: hardly a file has a longer preamble
+_LAST = 200_000  # lines that are looked at, in every way: seconds
 _HIGHEST = 60  # lines between a header and its rows
 _NO_UNIT, _ONE = ("", "-", "none", "#"), "1"
 
@@ -85,12 +87,15 @@ def find_dialect(lines: Sequence[str]) -> Dialect | Misread | None:
 def _table(lines: Sequence[str], delimiter: str, decimal: str) -> Dialect | None:
     """Return where rows of at least two numbers begin, None where there are none."""
     run, width, first, quoted = 0, 0, 0, False
-    for k, line in enumerate(lines):
-        if not line.strip():
+    plain = Dialect(delimiter, decimal)
+    ways = plain, replace(plain, quoted=True)
+    for k, line in enumerate(islice(lines, _LAST)):
+        if _A_NUMBER.search(line) is None:
+            run = 0 if line.strip() else run
             continue
         if run == 0 or ('"' in line) != quoted:
             run, first, quoted = 0, k, '"' in line
-        row = Dialect(delimiter, decimal, quoted=quoted)
+        row = ways[quoted]
         cells = _numbers(line, row) if delimiter != decimal or quoted else []
         filled = _filled(cells)
         if filled < 2 or not all(map(is_number, cells[:filled])):

@@ -63,3 +63,32 @@ def test_a_clock_in_which_an_excitation_never_changes_is_refused(
     assert main(["excite", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "experiment.clock_s is" in said and "never changes; give a shorter clock_s" in said, said
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("[arithmetic]", f"[{'a.' * 3000}b]\n[arithmetic]"), "tables in one another"),
+        (("[arithmetic]", f"[{'a.' * 40}b]\n[arithmetic]"), "tables in one another"),
+        (("domain = ", f"numerators = {'{a = ' * 200}1{'}' * 200}\ndomain = "), "tables in one another"),
+    ],
+)
+def test_what_is_nested_beyond_any_project_is_refused_in_one_sentence(
+    change: tuple[str, str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "p.toml").write_text(FILTER.format(numerator="[1.0]", denominator="[1.0, 1.0]").replace(*change, 1))
+    assert main(["design", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert words in said and "internal" not in said, said
+
+
+@pytest.mark.parametrize("domain", ["z", "s"])
+@pytest.mark.parametrize("order", [65, 2000])
+def test_an_order_that_cannot_be_proven_is_refused_before_its_roots_are_asked_for(
+    order: int, domain: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = FILTER.format(numerator="[1.0]", denominator=[1.0] * (order + 1))
+    text = text if domain == "s" else text.replace('"s"\ndiscretize = "tustin"', '"z"')
+    (tmp_path / "p.toml").write_text(text)
+    assert main(["design", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 2
+    assert f"have the order {order}; at most 64" in capsys.readouterr().err

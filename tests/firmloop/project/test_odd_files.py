@@ -66,3 +66,25 @@ def test_names_in_no_encoding(project: Path, capsys: pytest.CaptureFixture[str])
     assert main(["excite", str(odd / "x.toml"), "--out", str(odd / "\udcff")]) == 0
     assert main(["identify", str(odd / "x.toml"), "--out", str(project.parent / "out")]) == 2
     assert "is not UTF-8" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("above", "status"), [(20_000, 0), (210_000, 2)])
+def test_lines_above_a_header_are_looked_at_for_seconds_and_no_longer(
+    project: Path, above: int, status: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A few million of them took minutes."""
+    ramp = project.parent / "ramp.csv"
+    ramp.write_text("# boot\n" * above + ramp.read_text())
+    project.write_text(project.read_text().partition("[experiment]")[0])
+    assert main(["simulate", str(project), str(ramp), "--out", str(project.parent / "shown.csv")]) == status
+    assert "internal" not in capsys.readouterr().err
+
+
+def test_what_is_to_be_pasted_keeps_a_line_that_is_parted_otherwise(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = project.parent / "steps.csv"
+    steps.write_text("time_s,voltage\u2028V,speed_rad_s\n" + "".join(f"{k},0,0\n" for k in range(20)))
+    project.write_text(project.read_text().partition("[experiment]")[0])
+    assert main(["identify", str(project), "--out", str(project.parent / "out")]) == 2
+    assert '  "voltage\\u2028V" = { name' in capsys.readouterr().err
