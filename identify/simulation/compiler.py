@@ -62,7 +62,8 @@ def run_compiler(command: Sequence[str], folder: Path) -> str:
     """Run `command` in `folder` and return what it said; ToolError with its first lines where it failed."""
     tool = find_tool(command[0])
     # C locale: the words shown to the user, and hashed into caches, must not depend on the machine's language.
-    environment = {**os.environ, "LC_ALL": "C"}
+    # What a compiler that is killed leaves behind goes with the folder that it works in.
+    environment = {**os.environ, "LC_ALL": "C", "TMPDIR": "."}
     try:
         done = subprocess.run(
             [str(tool), *command[1:]],

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -21,7 +22,7 @@ def find_library(folder: Path, key: str) -> Path | None:
     for path in sorted(folder.glob(f"{_stem(key)}-*.so")):
         if path.is_symlink() or not path.is_file():
             continue
-        if path.stem.partition("-")[2] == _digest(path):
+        if os.access(path, os.R_OK | os.X_OK) and path.stem.partition("-")[2] == _digest(path):
             state = path.stat()
             with suppress(OSError):
                 os.utime(path, ns=(time.time_ns(), state.st_mtime_ns))  # its last use, which evict() goes by
@@ -36,6 +37,8 @@ def keep_library(built: Path, folder: Path, key: str) -> Path:
     kept = folder / f"{_stem(key)}-{_digest(built)}.so"
     with built.open("rb") as stream:
         os.fsync(stream.fileno())
+    if kept.is_dir() and not kept.is_symlink():  # a file cannot take its place
+        shutil.rmtree(kept)
     os.replace(built, kept)
     evict(folder)
     return kept

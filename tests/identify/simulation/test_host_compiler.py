@@ -166,3 +166,43 @@ def test_what_a_killed_build_left_is_swept_and_what_a_living_one_holds_is_not(fr
     assert held.path.is_dir() and not left.exists()
     held.remove()
     assert [path.suffix for path in fresh_cache.iterdir()] == [".so"]
+
+
+@pytest.mark.parametrize("kind", ["folder", "pipe", "link to nothing", "link to another"])
+def test_what_is_no_file_in_the_place_of_a_library_makes_room_for_it(kind: str, fresh_cache: Path) -> None:
+    first = shared_library(ANSWER, ["answer.c"], ["-O1"])
+    sound = first.read_bytes()
+    first.unlink()
+    if kind == "folder":
+        (first / "inner").mkdir(parents=True)
+    elif kind == "pipe":
+        os.mkfifo(first)
+    else:
+        (fresh_cache / "other").write_bytes(sound)
+        first.symlink_to(fresh_cache / ("other" if kind == "link to another" else "nothing"))
+    again = shared_library(ANSWER, ["answer.c"], ["-O1"])
+    assert again.is_file() and not again.is_symlink() and again.read_bytes() == sound
+
+
+def test_a_library_without_its_rights_is_built_again(fresh_cache: Path) -> None:
+    shared_library(ANSWER, ["answer.c"], ["-O1"]).chmod(0)
+    again = shared_library(ANSWER, ["answer.c"], ["-O1"])
+    assert os.access(again, os.R_OK | os.X_OK) and ctypes.CDLL(str(again)).answer() == 42
+
+
+def test_what_a_killed_compiler_leaves_is_in_the_folder_that_is_swept(
+    fresh_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    (tools / "gcc").write_text(
+        '#!/bin/sh\n[ "$1" = --version ] && echo gcc 1 && exit\ntouch "$TMPDIR/cc.s"\nkill -9 $$\n'
+    )
+    (tools / "gcc").chmod(0o755)
+    for place in (tmp_path, Path.cwd()):
+        assert not (place / "cc.s").exists()
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setenv("PATH", f"{tools}:{os.environ['PATH']}")
+    with pytest.raises(ToolError):
+        shared_library({"answer.c": "int answer(void);\n"}, ["answer.c"], ["-O1"])
+    assert not (tmp_path / "cc.s").exists() and list(fresh_cache.iterdir()) == []
