@@ -14,7 +14,8 @@ takes the signals of these names), `commands` (the input of the loop before it t
 and `u_min` and `u_max`, the range of that command. The period of a loop is `every` times `period_s`.
 
 A loop around a `foc` may be tuned: `tune` takes what `models/shaft.py` makes of the [plant] and of the loops inside as
-its plant. A status bit of a slower loop is set in the samples in which that loop runs.
+its plant. A status bit of a slower loop is set in the samples in which that loop runs. What a loop has `tunable` is set
+by a setter with the loop's name in front, such as `NAME_set_speed_u_max`.
 
 Limit: the arithmetic of every loop is computed in every period, and what a loop gives while it is not due is dropped. A
 program is one list of operations without branches, which its proofs, its checkers and its reference all read. A loop
@@ -210,7 +211,9 @@ def _law(request: Request, made: Sequence[MadeLoop]) -> Law:
     """Write one sample: the outermost loop first."""
     z = {signal.name: ca.SX.sym(signal.name) for signal in request.inputs}
     state: list[tuple[Signal, float, str]] = []
+    tunable: list[tuple[Signal, float, str]] = []  # behind all other state
     symbols: list[ca.SX] = []
+    set_to: list[ca.SX] = []
     nexts: list[ca.SX] = []
     flags: list[tuple[Flag, ca.SX]] = []
     named: list[tuple[Signal, ca.SX]] = []
@@ -221,11 +224,13 @@ def _law(request: Request, made: Sequence[MadeLoop]) -> Law:
         x = ca.SX.sym(loop.name, len(law.state))
         wires = [_wire(signal.name, loop, command, z) for signal in law.inputs]
         after, outputs, bits, inner = law.last.function(x, ca.vertcat(*wires))
-        following, told = ca.vertsplit(after) if law.state else [], ca.vertsplit(bits)
+        own = len(law.state) - len(law.tunable)
+        before, following = (ca.vertsplit(part) if law.state else [] for part in (x, after))
+        following, told = following[:own], ca.vertsplit(bits)
         if loop.every > 1:
             wait, held = ca.SX.sym("wait"), ca.SX.sym("held")
             due = wait <= 0
-            following = [ca.if_else(due, new, old) for new, old in zip(following, ca.vertsplit(x), strict=True)]
+            following = [ca.if_else(due, new, old) for new, old in zip(following, before[:own], strict=True)]
             outputs = ca.if_else(due, outputs, held)
             told = [ca.logic_and(due, bit) for bit in told]
             output = law.outputs[0]
@@ -237,11 +242,12 @@ def _law(request: Request, made: Sequence[MadeLoop]) -> Law:
             symbols += [wait, held]
             nexts += [ca.if_else(due, loop.every - 1.0, wait - 1.0), outputs]
             named.append((Signal(f"{loop.name}_due", "", -math.inf, math.inf), due))
-        state += [
+        every = [
             (replace(signal, name=f"{loop.name}_{signal.name}"), start, why)
             for signal, start, why in zip(law.state, law.start, law.why, strict=True)
         ]
-        symbols += ca.vertsplit(x) if law.state else []
+        state, tunable = state + every[:own], tunable + every[own:]
+        symbols, set_to = symbols + before[:own], set_to + before[own:]
         nexts += following
         flags += [
             (replace(flag, name=f"{loop.name}_{flag.name}"), bit) for flag, bit in zip(law.flags, told, strict=True)
@@ -253,11 +259,12 @@ def _law(request: Request, made: Sequence[MadeLoop]) -> Law:
         if loop is not made[0].loop:
             command = loop.commands, outputs
             named.append((replace(law.outputs[0], name=f"{loop.name}_command", low=-math.inf, high=math.inf), outputs))
+    state += tunable
     stage = ca.Function(
         "law",
-        [ca.vertcat(*symbols), ca.vertcat(*z.values())],
+        [ca.vertcat(*symbols, *set_to), ca.vertcat(*z.values())],
         [
-            ca.densify(ca.vertcat(*nexts)),
+            ca.densify(ca.vertcat(*nexts, *set_to)),
             ca.densify(outputs),
             ca.densify(ca.vertcat(*(bit for _, bit in flags))),
             ca.densify(ca.vertcat(*(value for _, value in named))),
@@ -277,6 +284,7 @@ def _law(request: Request, made: Sequence[MadeLoop]) -> Law:
         flags=tuple(flag for flag, _ in flags),
         stages=(Scalar(stage, tuple(signal for signal, _ in named)),),
         paired=False,
+        tunable=tuple(signal.name for signal, _, _ in tunable),
     )
 
 
