@@ -14,6 +14,8 @@ from firmloop.identify.signal import Signal
 
 Array = npt.NDArray[np.float64]
 
+SET_WHILE_RUNNING = ("tunable", "ranges")
+SET_BY_A_PID = "what is set on the running target is a value of a pid, alone or as a loop of a cascade; remove it here"
 NEAR = 0.5  # half of the letters agree: enough to find kp behind Kp or kq
 
 
@@ -24,6 +26,7 @@ def check_keys(table: Mapping[str, object], known: Iterable[str], owner: str) ->
         if key not in keys:
             near = difflib.get_close_matches(key.lower(), keys, n=1, cutoff=NEAR)
             hint = f"did you mean '{near[0]}'?" if near else f"known keys: {', '.join(keys)}"
+            hint = SET_BY_A_PID if key in SET_WHILE_RUNNING else hint
             raise DesignError(f"controller.{key} = {table[key]!r}: {owner} has no such key; {hint}")
 
 

@@ -20,10 +20,10 @@ import casadi as ca
 
 from firmloop.design.design import Request
 from firmloop.design.law import DesignError, Law, Scalar
-from firmloop.design.table import choice, numbers
+from firmloop.design.table import SET_WHILE_RUNNING, choice, numbers
 from firmloop.identify.signal import Signal
 
-KEYS = ("tunable", "ranges")
+KEYS = SET_WHILE_RUNNING
 WHY = "set from outside, refused beyond its declared range; a step leaves it alone"
 
 

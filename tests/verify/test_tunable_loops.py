@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from firmloop.cli import main
+from firmloop.design.kinds import kinds
+from firmloop.design.law import DesignError
 from firmloop.project.project import read_project
 from firmloop.quantize.lower.lower import lower
 from firmloop.quantize.program import Program
@@ -80,3 +83,10 @@ def test_a_limit_that_is_set_holds_the_loop_that_it_is_of(project: Path) -> None
     assert [value.name for value in program.parameters] == SET
     assert steady(program, 1.0, 3.0, 5.0) == pytest.approx((5.0, 3.0))
     assert steady(program, 1.0, 0.75, 24.0)[1] == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize("name", sorted(name for name in kinds() if name != "pid"))
+def test_another_kind_says_what_takes_a_value_that_is_set_while_it_runs(name: str) -> None:
+    example = kinds()[name].example
+    with pytest.raises(DesignError, match="a value of a pid, alone or as a loop of a cascade"):
+        kinds()[name].design(replace(example, table={**example.table, "tunable": ["u_max"]}))
