@@ -43,7 +43,7 @@ def draft(request: Request) -> Draft:
     order = max(len(above), len(below)) - 1
     if order > MOST_STATES:  # before the roots are asked for
         raise DesignError(
-            f"controller.numerator and denominator have the order {order}; at most {MOST_STATES} can be proven in "
+            f"controller.numerator and denominator make {order} states; at most {MOST_STATES} can be proven in "
             "reasonable time: lower it, or split the filter into controllers in series"
         )
     rational = _rational(request, above, below)

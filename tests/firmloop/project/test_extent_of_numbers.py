@@ -91,4 +91,4 @@ def test_an_order_that_cannot_be_proven_is_refused_before_its_roots_are_asked_fo
     text = text if domain == "s" else text.replace('"s"\ndiscretize = "tustin"', '"z"')
     (tmp_path / "p.toml").write_text(text)
     assert main(["design", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == 2
-    assert f"have the order {order}; at most 64" in capsys.readouterr().err
+    assert f"make {order} states; at most 64" in capsys.readouterr().err
