@@ -10,6 +10,7 @@ from firmloop.diagnose.discrepancy.fit import Shape, best_shape, outweighs, weig
 from firmloop.diagnose.model.batch_means import with_disturbances
 from firmloop.diagnose.model.candidate import Candidate, closer, rated, without
 from firmloop.diagnose.model.continuation import met
+from firmloop.diagnose.model.disturbed_plant import driven_evidence
 from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of, own_evidence, past_kinks
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
 from firmloop.diagnose.model.kinks import limits, polished
@@ -95,6 +96,8 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
             if alone is not None and alone.gain > explained + LEFT_GAIN:
                 shape = alone  # else no law that holds the same load is sure, either
             return replace(found, best=found.nominal), shape
+    if _random_force(sure):
+        return replace(found, best=found.nominal), shape
     return sure, shape
 
 
@@ -119,6 +122,14 @@ def _may_be_chance(found: Search) -> bool:
     if len(best.fitted.terms) != 1 or nominal.score - best.score >= CHANCE_GAIN:
         return False
     return best.fitted.terms[0].effect.lasting or not closer(best, nominal)
+
+
+def _random_force(found: Search) -> bool:
+    """Tell whether what the best explains may be what a random force beside the input does by chance."""
+    best, nominal = found.best, found.nominal
+    if not best.fitted.terms or not colored(nominal.noises) or nominal.score - best.score >= CHANCE_GAIN:
+        return False
+    return driven_evidence(found.problem, nominal.fitted) - driven_evidence(found.problem, best.fitted) < THRESHOLD
 
 
 def _instead_of(gone: Set[LibraryTerm], found: Search) -> Search | None:

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.fit import noises_of
+from firmloop.diagnose.model.fit import Fitted, noises_of
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.model.sensor_noise import sensor_noises
 from firmloop.diagnose.policy import MOST_WEIGHED_ROWS, WALKS
@@ -130,12 +130,14 @@ def followed(
     recordings: Sequence[Recording],
     residuals: Sequence[Array],
     noise: Sequence[float],
+    most: int = MOST_WEIGHED_ROWS,
 ) -> Disturbed:
     """Follow residuals (n, r) by disturbances of these balances, that move as quickly as makes them likeliest.
 
-    `noise` (r,) is the rms of each sensor's own.
+    `noise` (r,) is the rms of each sensor's own; `most` rows of all recordings are weighed.
     """
-    by = partial(_by, plant, balances, recordings, residuals, noise)
+    told = [part[: _told(recordings, most)] for part in residuals]
+    by = partial(_by, plant, balances, recordings, told, noise)
     best, walks = _likeliest(by, [[walk] * len(balances) for walk in WALKS])
     for index in range(len(balances) if len(balances) > 1 else 0):
         best, walks = _likeliest(by, [[*walks[:index], walk, *walks[index + 1 :]] for walk in WALKS])
@@ -161,20 +163,42 @@ def sensors_remember(problem: Problem, values: Mapping[str, float], residuals: S
     `residuals` (n, r) of each train recording are what `values` of the parameters leave. The memory is that of a filter
     of first order: one of many coefficients would follow the machine as well.
     """
-    plant = with_effects(without_varying(problem.plant.valued(values)), ())
     if not all(np.all(np.isfinite(part)) for part in residuals):
         return False
-    noise = sensor_noises(residuals, problem.floors)
-    machine = [followed(plant, some, problem.train, residuals, noise).unlikely for some in groups(plant) if some]
-    told = [part[: _told(problem.train)] for part in residuals]
+    machine = _machine(problem, values, residuals, MOST_WEIGHED_ROWS)
+    told = [part[: _told(problem.train, MOST_WEIGHED_ROWS)] for part in residuals]
     rows = sum(map(len, told))
     sensors = sum(each.unlikely(rows) for each in noises_of(problem, told, (0, 1)))
-    return sensors < min(machine, default=-np.inf) < np.inf
+    return sensors < machine < np.inf
 
 
-def _told(recordings: Sequence[Recording]) -> int:
-    """Return how many rows of each recording are weighed."""
-    return max(MOST_WEIGHED_ROWS // len(recordings), 1)
+def driven_evidence(problem: Problem, fitted: Fitted) -> float:
+    """Return -2 log likelihood and the price by BIC of a fit to a machine that something beside its input may drive.
+
+    By the likelier of two kinds of noise: readings with a memory of their own, or a random force in a balance, which
+    moves a position far and makes by chance what no noise of readings would.
+    """
+    left = fitted.residuals
+    rows = sum(map(len, left))
+    machine = _machine(problem, fitted.point.values, left, len(left) * max(map(len, left)))
+    sensors = sum(each.unlikely(rows) for each in noises_of(problem, left))
+    return min(sensors, machine) + len(fitted.coordinates) * float(np.log(rows))
+
+
+def _machine(problem: Problem, values: Mapping[str, float], residuals: Sequence[Array], most: int) -> float:
+    """Return -2 log likelihood and its price of residuals (n, r) of a disturbed machine; infinite where none is.
+
+    `values` are the parameters that leave them, `most` the rows of all recordings that are weighed.
+    """
+    plant = with_effects(without_varying(problem.plant.valued(values)), ())
+    noise = sensor_noises(residuals, problem.floors)
+    every = [followed(plant, some, problem.train, residuals, noise, most) for some in groups(plant) if some]
+    return min((each.unlikely for each in every), default=np.inf)
+
+
+def _told(recordings: Sequence[Recording], most: int) -> int:
+    """Return how many rows of each recording are weighed, where `most` are of all."""
+    return max(most // len(recordings), 1)
 
 
 def _by(
@@ -193,7 +217,7 @@ def _by(
         return Disturbed([], np.inf)
     size, power, rows = 0.0, 0.0, 0
     for each, left in zip(trackers, residuals, strict=True):
-        innovations = each.begin(left[: _told(recordings)])[1]
+        innovations = each.begin(left)[1]
         size += len(innovations) * float(np.linalg.slogdet(each.innovation)[1])
         power += float(np.sum(innovations * np.linalg.solve(each.innovation, innovations.T).T))
         rows += len(innovations)
