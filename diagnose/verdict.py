@@ -246,7 +246,8 @@ def _named(search: Search, shown: Candidate, verdict: Verdict, candidates: Seque
                     share = _weights([shown, *standing(search)])[0]  # against the runner-up
                 certain = math.erf(strength(candidate.fitted, term) / math.sqrt(2.0))  # that it is not nothing
                 found[term.label] = _one(search.problem, candidate, term, min(share, certain))
-    return tuple(found.values())
+    surest_first = sorted(found.values(), key=lambda each: -each.probability) if candidates else found.values()
+    return tuple(surest_first)
 
 
 def _weights(candidates: Sequence[Candidate], untold: bool = False) -> list[float]:
