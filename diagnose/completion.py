@@ -12,7 +12,7 @@ from firmloop.diagnose.model.candidate import Candidate, closer, rated, without
 from firmloop.diagnose.model.continuation import met
 from firmloop.diagnose.model.disturbed_plant import driven_evidence
 from firmloop.diagnose.model.fit import Fitted, ended, fit, noises_of, own_evidence, past_kinks
-from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting
+from firmloop.diagnose.model.hypothesis import LibraryTerm, Problem, meeting, turning
 from firmloop.diagnose.model.kinks import limits, polished
 from firmloop.diagnose.model.profile_likelihood import profiled
 from firmloop.diagnose.model.sandwich_covariance import doubtful
@@ -125,9 +125,13 @@ def _may_be_chance(found: Search) -> bool:
 
 
 def _random_force(found: Search) -> bool:
-    """Tell whether what the best explains may be what a random force beside the input does by chance."""
+    """Tell whether what the best explains may be what a random force beside the input does by chance.
+
+    Asked of what pulls by where the machine is: that the force has moved there. Of what lasts its batches tell.
+    """
     best, nominal = found.best, found.nominal
-    if not best.fitted.terms or not colored(nominal.noises) or nominal.score - best.score >= CHANCE_GAIN:
+    by_place = [(each.effect.slow and not each.effect.lasting) or turning([each]) for each in best.fitted.terms]
+    if not any(by_place) or not all(by_place) or nominal.score - best.score >= CHANCE_GAIN:
         return False
     return driven_evidence(found.problem, nominal.fitted) - driven_evidence(found.problem, best.fitted) < THRESHOLD
 

@@ -54,7 +54,7 @@ def _case(outside: str, machine: str, sensors: tuple[str, ...], excitation: str,
             "speed, by position_m",
             marks=pytest.mark.slow,
         ),
-        (*LOOSE_CONTACT, "voltage", "voltage_V, now and then"),
+        pytest.param(*LOOSE_CONTACT, "voltage", "voltage_V, now and then", marks=pytest.mark.slow),
         pytest.param(
             "position_dependent_inertia",
             "flat_motor",
