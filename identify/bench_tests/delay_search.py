@@ -24,9 +24,7 @@ CERTAIN = float(scipy.special.chdtri(1, 0.001))  # least gain of a delay in twic
 _STEPS = (1, 2, 4)  # samples from one delay to those that are compared with it
 _EXACT = 1e-9  # of a mean square error: less is rounding
 _PAST = (0, 1, 2, 4, 8, 16, 32)  # samples
-BACKWARDS = (
-    4.0  # times the mean square error: an integrator in its right order leaves up to 2.8 times what it does turned
-)
+BACKWARDS = 4.0  # times the mean square error: an integrator leaves up to 2.8 times what it does turned around
 WRONG = 1.5  # times the mean square error by which means that are left in spoil a fit
 
 
