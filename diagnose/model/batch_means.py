@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.diagnose.model.candidate import creeps, without
 from firmloop.diagnose.model.fit import Fitted, deviations, noises_of, widened
 from firmloop.diagnose.model.hypothesis import MOMENT, LibraryTerm, Problem
-from firmloop.diagnose.model.sandwich_covariance import batches, pushed, sizes_of, with_pushes
-from firmloop.diagnose.policy import BATCHES, CHANCE_GAIN, LOAD_BY_CHANCE
+from firmloop.diagnose.model.sandwich_covariance import Sizes, batches, pushed, sizes_of, with_pushes
+from firmloop.diagnose.policy import BATCHES, CHANCE_GAIN, LOAD_BY_CHANCE, PULL_BY_CHANCE, WITHIN_BATCHES
 from firmloop.identify.fitting.noise import Noise, colored
 
 Array = NDArray[np.float64]
@@ -35,7 +36,10 @@ def deviation(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: L
 
 
 def times_chance(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> float:
-    """Return how many deviations by batches a load or an offset is; infinite if untold."""
+    """Return how many deviations by batches a load, an offset, a spring or a long wave is; infinite if untold."""
+    pulls = term.effect.place == "torque" and not term.effect.lasting
+    if pulls and creeps(term, fitted.point.values) and colored(noises):
+        return _times_pull(problem, fitted, noises, term)
     value, spread = fitted.point.values[term.keys[0]], deviation(problem, fitted, noises, term)
     return abs(value) / spread if spread > 0.0 else np.inf
 
@@ -46,29 +50,46 @@ def _means(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: Libr
         return None
     found = []
     for index, residual in enumerate(fitted.residuals):
-        begins = batches(problem.train[index], BATCHES)
-        moves = (
-            pushed(problem, fitted, index, begins) if term.output is None else _offsets(problem, term, index, begins)
-        )
-        if moves is None:
+        told = _by_batches(problem, fitted, noises, term, index, (residual,))
+        if told is None:
             return None
-        found.append(sizes_of(problem, fitted, noises, index, moves, residual).sizes)
+        found.append(told[0].sizes)
     return found
 
 
-def accidental(times: float, gain: float) -> bool:
-    """Tell whether what lasts, of so many deviations by batches, may be no more than a slow disturbance's average.
+def _times_pull(problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm) -> float:
+    """Return how many deviations an effect's loads by batches are; infinite where those are not what it does."""
+    pulls, means = [], []
+    bare = without(fitted, term)[1].values
+    for index, recording in enumerate(problem.train):
+        start = fitted.point.starts[index]
+        values = (fitted.point.values, bare)
+        one, other = (problem.engine.simulate(recording, each, start) for each in values)
+        done = np.nan_to_num(one - other)
+        found = _by_batches(problem, fitted, noises, term, index, (done, fitted.residuals[index]))
+        if found is None or found[0].left > WITHIN_BATCHES:
+            return np.inf
+        pulls.append(found[0].sizes)
+        means.append(found[1].sizes)
+    spread = float(np.std(np.concatenate(means), ddof=1))
+    return float(np.linalg.norm(np.concatenate(pulls))) / spread if spread > 0.0 else np.inf
+
+
+def accidental(term: LibraryTerm, times: float, gain: float) -> bool:
+    """Tell whether a term of so many deviations by batches may be no more than the average of a slow disturbance.
 
     `gain` is the drop of BIC it brought: where it is large, what batches differ by may be other physics.
     """
-    return gain < CHANCE_GAIN and times < LOAD_BY_CHANCE
+    return gain < CHANCE_GAIN and times < (LOAD_BY_CHANCE if term.effect.lasting else PULL_BY_CHANCE)
 
 
 def by_chance(
     problem: Problem, fitted: Fitted, noises: Sequence[Noise], terms: Iterable[LibraryTerm], gain: float
 ) -> bool:
     """Tell whether one of the terms, which brought `gain` together, may be such an average."""
-    return any(accidental(times_chance(problem, fitted, noises, term), gain) for term in terms)
+    return gain < CHANCE_GAIN and any(
+        accidental(term, times_chance(problem, fitted, noises, term), gain) for term in terms
+    )
 
 
 def with_lasting(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fitted:
@@ -99,6 +120,15 @@ def _rounded(term: LibraryTerm) -> float:
     """
     there = term.output is not None and term.effect.limits and term.scales.rested > 0.0
     return (term.scales.output - term.scales.rested) / float(np.sqrt(12.0)) if there else 0.0
+
+
+def _by_batches(
+    problem: Problem, fitted: Fitted, noises: Sequence[Noise], term: LibraryTerm, index: int, seen: Iterable[Array]
+) -> list[Sizes] | None:
+    """Return for each of `seen` (n, r) the load, or offset, of every batch that makes it, and the share it leaves."""
+    begins = batches(problem.train[index], BATCHES)
+    moves = pushed(problem, fitted, index, begins) if term.output is None else _offsets(problem, term, index, begins)
+    return None if moves is None else sizes_of(problem, fitted, noises, index, moves, seen)
 
 
 def _offsets(problem: Problem, term: LibraryTerm, index: int, begins: Array) -> Array:

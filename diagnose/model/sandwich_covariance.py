@@ -8,7 +8,7 @@ sandwich of Huber (Proc. 5th Berkeley Symposium 1 (1967) 221-233) with a filling
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -35,10 +35,11 @@ Array = NDArray[np.float64]
 
 
 class Sizes(NamedTuple):
-    """How large moves (b,) are, and what one of each does that no other does, in units of noise."""
+    """How large moves (b,) are, what one of each does that no other does, in units of noise, and the share left."""
 
     sizes: Array
     alone: Array
+    left: float
 
 
 def pushed(problem: Problem, fitted: Fitted, index: int, begins: Array) -> Array | None:
@@ -64,8 +65,10 @@ def batches(recording: Recording, count: int) -> Array:
     return np.linspace(recording.time[0], recording.time[-1], count + 1)[:-1]
 
 
-def sizes_of(problem: Problem, fitted: Fitted, noises: Sequence[Noise], index: int, moves: Array, seen: Array) -> Sizes:
-    """Return how large the moves (n, r, batches) are in what is `seen` (n, r).
+def sizes_of(
+    problem: Problem, fitted: Fitted, noises: Sequence[Noise], index: int, moves: Array, seen: Iterable[Array]
+) -> list[Sizes]:
+    """Return for each of `seen` (n, r) how large the moves (n, r, batches) in it are, and the share they leave.
 
     Moves of which rounding is all there is, as of a push on a shaft that friction holds, are left out.
     """
@@ -80,7 +83,13 @@ def sizes_of(problem: Problem, fitted: Fitted, noises: Sequence[Noise], index: i
     inverted = np.linalg.pinv(tall / scale, rcond=1e-9)
     count = moves.shape[2]
     alone = scale[:count] / np.linalg.norm(inverted[:count], axis=1)
-    return Sizes(((inverted @ whitened(seen, sizes)) / scale)[:count], alone)
+    found = []
+    for each in seen:
+        goal = whitened(each, sizes)
+        answer = (inverted @ goal) / scale
+        rest, whole = float(np.linalg.norm(goal - tall @ answer)), float(np.linalg.norm(goal))
+        found.append(Sizes(answer[:count], alone, rest / whole if whole > 0.0 else 0.0))
+    return found
 
 
 def doubtful(fitted: Fitted, noises: Sequence[Noise]) -> LibraryTerm | None:
@@ -106,7 +115,7 @@ def with_pushes(problem: Problem, fitted: Fitted, noises: Sequence[Noise]) -> Fi
         moves = pushed(problem, fitted, index, batches(problem.train[index], PUSHED_BATCHES))
         if moves is None:
             return fitted
-        found.append(sizes_of(problem, fitted, noises, index, moves, place.residuals[index]))
+        found.append(sizes_of(problem, fitted, noises, index, moves, (place.residuals[index],))[0])
         pulled.append(squares.spread_out(index, slopes.T @ whitened(moves, fitted.noises)))
     covariance = inverse(fitted.normal)
     answer = (answering(fitted.normal, squares.tether) @ np.concatenate(pulled, axis=1))[: len(unknowns)]

@@ -350,7 +350,7 @@ def _bar(problem: Problem, candidate: Candidate, base: Candidate, gain: float) -
     if any(len(noise.coefficients) >= LONG_MEMORY for noise in candidate.noises):
         least = SLOW_THRESHOLD if creeps(newest, values) else COLORED_THRESHOLD
         times = times_chance(problem, candidate.fitted, candidate.noises, newest)
-        if accidental(times, gain):
+        if accidental(newest, times, gain):
             return np.inf
         certain = NEVER_BY_CHANCE < times < np.inf
         if closer(candidate, base):  # what lasts hardly shows in innovations, whose noise a constant may be

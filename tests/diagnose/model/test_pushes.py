@@ -102,8 +102,9 @@ def test_a_push_that_moves_nothing_says_nothing(tmp_path: Path) -> None:
     assert moves is not None
     held = 1e-12 * np.random.default_rng(1).normal(size=(*moves.shape[:2], 3))
     with_held = np.concatenate([moves, held], axis=2)
-    without, beside = (sizes_of(problem, found, noises, 0, each, found.residuals[0]) for each in (moves, with_held))
-    assert beside.sizes == pytest.approx(without.sizes) and beside.alone == pytest.approx(without.alone)
+    seen = (found.residuals[0],)
+    (alone,), (beside,) = (sizes_of(problem, found, noises, 0, each, seen) for each in (moves, with_held))
+    assert beside.sizes == pytest.approx(alone.sizes) and beside.left == pytest.approx(alone.left)
 
 
 def test_what_only_the_given_values_tell_follows_no_push() -> None:
