@@ -130,8 +130,9 @@ def _random_force(found: Search) -> bool:
     Asked of what pulls by where the machine is: that the force has moved there. Of what lasts its batches tell.
     """
     best, nominal = found.best, found.nominal
-    by_place = [(each.effect.slow and not each.effect.lasting) or turning([each]) for each in best.fitted.terms]
-    if not any(by_place) or not all(by_place) or nominal.score - best.score >= CHANCE_GAIN:
+    terms = best.fitted.terms
+    by_place = all((each.effect.slow and not each.effect.lasting) or turning([each]) for each in terms)
+    if not terms or not by_place or nominal.score - best.score >= CHANCE_GAIN:
         return False
     return driven_evidence(found.problem, nominal.fitted) - driven_evidence(found.problem, best.fitted) < THRESHOLD
 

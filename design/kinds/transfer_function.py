@@ -19,7 +19,7 @@ from firmloop.design.design import Design, Kind, Request
 from firmloop.design.discretize.rational import CROWDED, Rational, badly_held, from_z, in_series
 from firmloop.design.draft import Draft
 from firmloop.design.law import DesignError
-from firmloop.design.linear.linear_law import MOST_STATES, designed
+from firmloop.design.linear.linear_law import check_states, designed
 from firmloop.design.linear.sectioned_law import METHOD_KEYS, OUTPUT_KEYS, sampled, sectioned
 from firmloop.design.table import check_keys, choice, matrix, numbers
 from firmloop.identify.signal import Signal
@@ -40,12 +40,11 @@ def draft(request: Request) -> Draft:
         return _chain(request)
     above, below = list(numbers(table, "numerator", None)), list(numbers(table, "denominator", None))
     domain = choice(table, "domain", "z", ("z", "s"))
-    order = max(len(above), len(below)) - 1
-    if order > MOST_STATES:  # before the roots are asked for
-        raise DesignError(
-            f"controller.numerator and denominator make {order} states; at most {MOST_STATES} can be proven in "
-            "reasonable time: lower it, or split the filter into controllers in series"
-        )
+    check_states(  # before the roots are asked for
+        max(len(above), len(below)) - 1,
+        "controller.numerator and denominator make",
+        "lower it, or split the filter into controllers in series",
+    )
     rational = _rational(request, above, below)
     method = (
         "" if domain == "z" else f", {choice(table, 'discretize', 'tustin', (str(table.get('discretize')), 'tustin'))}"

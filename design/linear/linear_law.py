@@ -141,15 +141,21 @@ def slopes(draft: Draft) -> Slopes:
     return Slopes(a.reshape(size, size), b.reshape(size, len(draft.inputs) + len(draft.applied)))
 
 
+def check_states(count: int, owner: str, cure: str) -> None:
+    """Refuse more states than can be proven; DesignError that begins with their `owner` and ends with the `cure`."""
+    if count > MOST_STATES:
+        raise DesignError(f"{owner} {count} states; at most {MOST_STATES} can be proven in reasonable time: {cure}")
+
+
 def state_ranges(
     request: Request, draft: Draft, u_low: Sequence[float], u_high: Sequence[float]
 ) -> list[tuple[Signal, str]]:
     """Prove the range of each state variable; limited ones, and what is applied, are inputs to the others."""
-    if len(draft.state) > MOST_STATES:
-        raise DesignError(
-            f"the law of controller.kind of '{request.name}' has {len(draft.state)} states; at most {MOST_STATES} can "
-            "be proven in reasonable time: lower its order, or split it into controllers in series"
-        )
+    check_states(
+        len(draft.state),
+        f"the law of controller.kind of '{request.name}' has",
+        "lower its order, or split it into controllers in series",
+    )
     found_slopes = slopes(draft)
     a, b = found_slopes.a, found_slopes.b
     applied = list(zip(u_low, u_high, strict=True)) if draft.applied else []

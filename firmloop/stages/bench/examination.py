@@ -10,7 +10,7 @@ import numpy as np
 from firmloop.identify.bench_tests.sensitivity import Sensitivity, sensitivity
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.fitting.checks.structure import answers
-from firmloop.identify.fitting.evidence import Evidence
+from firmloop.identify.fitting.evidence import Evidence, remainders
 from firmloop.identify.fitting.fit import Fit, fit
 from firmloop.identify.fitting.redraw import Redrawn, blocks, left_over, redraw, white
 from firmloop.identify.fitting.residual_tests import ResidualTests, residual_tests
@@ -57,7 +57,8 @@ def examination(project: Project, data: Data, draws: int, seed: int, report: obj
             varied = sensitivity(fitted.plant, level or 1.0, seed)
         except IdentifyError as error:
             why = str(error)
-    told = answers(Evidence(fitted.plant, data.train, conditioning, fitted))
+    evidence = Evidence(fitted.plant, data.train, conditioning, fitted)
+    told = answers(evidence, remainders(evidence))
     tests = {
         source: {
             name: replace(residual_tests(column, drive[:, 0]), answering=share)

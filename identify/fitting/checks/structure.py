@@ -8,6 +8,7 @@ them. (Random phases keep a spectrum too, but end where they began, and what dri
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.effective_samples import drawn_from, noises_of
-from firmloop.identify.fitting.evidence import Evidence, explained, left_after, remainders, run_as_given
+from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, left_after, remainders, run_as_given
 from firmloop.identify.fitting.least_squares import triangle
 from firmloop.identify.fitting.residual_tests import independent
 from firmloop.identify.plants.plant import Plant
@@ -39,7 +40,8 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     assert evidence.fit is not None
     plant = evidence.fit.plant
     found = []
-    left, bent = answers(evidence), _bent(evidence)
+    parts = remainders(evidence)
+    left, bent = answers(evidence, parts), _bent(evidence, parts)
     for output in plant.outputs:
         worst, where = max((shares[output.name], source) for source, shares in left)
         if output.name in bent:
@@ -59,11 +61,14 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     return tuple(found)
 
 
-def answers(evidence: Evidence) -> list[tuple[str, dict[str, float]]]:
-    """Return which share of each recording's residuals its input explains beyond chance: source, then by output."""
+def answers(evidence: Evidence, parts: Sequence[Remainder]) -> list[tuple[str, dict[str, float]]]:
+    """Return which share of each recording's residuals its input explains beyond chance: source, then by output.
+
+    `parts` are the remainders of the evidence.
+    """
     assert evidence.fit is not None
     found = []
-    for part, recording, score in zip(remainders(evidence), evidence.recordings, evidence.fit.train, strict=True):
+    for part, recording, score in zip(parts, evidence.recordings, evidence.fit.train, strict=True):
         shares = {}
         for k, output in enumerate(evidence.fit.plant.outputs):
             residual, spread = part.residual[:, k], float(np.std(recording.columns[output.name]))
@@ -74,48 +79,50 @@ def answers(evidence: Evidence) -> list[tuple[str, dict[str, float]]]:
     return found
 
 
-def _bent(evidence: Evidence) -> dict[str, float]:
+def _bent(evidence: Evidence, parts: Sequence[Remainder]) -> dict[str, float]:
     """Return which share of what is left an input would leave that goes with the square of a simulated output.
 
     By output, where that is worth a word and no chance: few steps of several recordings tell it only together.
     """
     assert evidence.fit is not None
-    plant, parts = evidence.fit.plant, remainders(evidence)
+    plant = evidence.fit.plant
     found: dict[str, float] = {}
     pairs = list(zip(evidence.recordings, evidence.fit.train, strict=True))
     if any(len(part.residual) != len(one.time) for part, (one, _) in zip(parts, pairs, strict=True)):
         return {}
     weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
+    undriven = [_run(plant, one, np.zeros(len(one.time))) for one, _ in pairs]
     for k, output in enumerate(plant.outputs):
         if evidence.fit.noise[output.name] < _SMALL * max(np.std(one.columns[output.name]) for one, _ in pairs):
             continue
         for turn in (np.square, lambda y: y * np.abs(y)):
             drives = [turn(score.simulated[:, k]) for _, score in pairs]
             scale = max(_size(one.columns[plant.inputs[0].name]) for one, _ in pairs) / max(map(_size, drives))
-            runs = (_driven(evidence, one, scale * drive) for (one, _), drive in zip(pairs, drives, strict=True))
-            columns = [run for run in runs if run is not None]
+            runs = [_run(plant, one, scale * drive) for (one, _), drive in zip(pairs, drives, strict=True)]
+            columns = [
+                _compared(evidence, one, run - rest)
+                for (one, _), run, rest in zip(pairs, runs, undriven, strict=True)
+                if run is not None and rest is not None
+            ]
             if len(columns) < len(pairs):
                 continue
             bend = explained(parts, weights, columns)
-            rest = left_after(bend, parts, weights, columns)
-            rise = -independent([left[:, k] for left in rest]) * math.log(max(1.0 - bend.share, 1e-300))
+            lefts = left_after(bend, parts, weights, columns)
+            rise = -independent([left[:, k] for left in lefts]) * math.log(max(1.0 - bend.share, 1e-300))
             if bend.share > max(_SHARE, found.get(output.name, 0.0)) and rise > _CERTAIN:
                 found[output.name] = bend.share
     return found
 
 
-def _driven(evidence: Evidence, recording: Recording, drive: Array) -> Array | None:
-    """Return by how much an input (n,) moves what is compared of the fit's outputs (n, r)."""
-    assert evidence.fit is not None
-    plant = evidence.fit.plant
-    with_it, without = (
-        run_as_given(plant, replace(recording, columns={**recording.columns, plant.inputs[0].name: each}))
-        for each in (drive, 0.0 * drive)
-    )
-    if with_it is None or without is None:
-        return None
-    moved = zip(plant.outputs, (with_it - without).T, strict=True)
-    return np.stack([condition_output(evidence.conditioning, o.name, recording.time, each) for o, each in moved], 1)
+def _run(plant: Plant, recording: Recording, drive: Array) -> Array | None:
+    """Return the outputs (n, r) of the plant as given, with another input (n,) than was recorded; None of none."""
+    return run_as_given(plant, replace(recording, columns={**recording.columns, plant.inputs[0].name: drive}))
+
+
+def _compared(evidence: Evidence, recording: Recording, moved: Array) -> Array:
+    """Return what is compared of a motion (n, r) of the outputs."""
+    told = zip(evidence.given.outputs, moved.T, strict=True)
+    return np.stack([condition_output(evidence.conditioning, o.name, recording.time, each) for o, each in told], 1)
 
 
 def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
@@ -145,8 +152,7 @@ def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
         keep(np.tanh(20.0 * column / _size(column)))
         keep(column**3)
     for turn in turns:
-        bent = {**recording.columns, plant.inputs[0].name: turn(drive)}
-        run = run_as_given(plant, replace(recording, columns=bent))
+        run = _run(plant, recording, turn(drive))
         for column in run.T if run is not None else ():
             keep(column)
     return found[:, :count]
