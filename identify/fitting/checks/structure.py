@@ -2,13 +2,14 @@
 
 Colour alone is no fault: intervals are widened for it. The residual is regressed on the past input and on functions of
 the simulated outputs, and the share explained is held against that of residuals drawn from an autoregression fitted to
-them. (Random phases keep a spectrum too, but end where they began, and what drifts does not.)
+them, as it is and made as loud as they are in each octave. (Random phases keep a spectrum too, but end where they
+began, and what drifts does not.)
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.effective_samples import drawn_from, noises_of
 from firmloop.identify.fitting.evidence import Evidence, Remainder, explained, left_after, remainders, run_as_given
 from firmloop.identify.fitting.least_squares import triangle
+from firmloop.identify.fitting.noise import Noise
 from firmloop.identify.fitting.residual_tests import independent
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import condition_output
@@ -168,6 +170,24 @@ def answering(residual: Array, given: Columns) -> float:
     return share if share > _SHARE else 0.0
 
 
+def _as_loud(values: Array, noise: Noise) -> Callable[[Array], Array]:
+    """Return how to make what is drawn from an autoregression of values (n,) as loud as they are, octave by octave.
+
+    Where it is not: few coefficients do not hold what grows for ever towards slow. From one octave to the next slower
+    one by 1/f at most, for what grows faster is no noise of a sensor.
+    """
+    heard = np.abs(np.fft.rfft(values)) ** 2 / len(values)
+    turns = np.exp(-2j * np.pi * np.fft.rfftfreq(len(values)))
+    made = (noise.scale / np.abs(np.polyval([*noise.coefficients[::-1], 1.0], turns))) ** 2
+    octave = np.frexp(np.arange(len(heard)))[1]
+    power, drawn = (np.bincount(octave, each) / np.bincount(octave) for each in (heard, made))
+    allowed = drawn.copy()
+    for k in range(len(allowed) - 2, -1, -1):
+        allowed[k] = max(drawn[k], min(power[k], 2.0 * allowed[k + 1]))
+    louder = np.sqrt(allowed / drawn)[octave]
+    return lambda noisy: np.fft.irfft(louder * np.fft.rfft(noisy), len(values))
+
+
 def explained_share(residual: Array, given: Columns) -> float:
     """Return which share of a residual (n,) the features (n, f) explain beyond chance; 0 where chance is enough."""
     away = residual - residual.mean()
@@ -186,15 +206,19 @@ def explained_share(residual: Array, given: Columns) -> float:
         return float(np.sum((span @ (given.T @ unit.astype(np.float32))) ** 2))
 
     share = explained(away)
-    random = np.random.default_rng(_SEED)
     noises = noises_of([away[:, None]])
-    by_chance = np.empty(_SURROGATES)
-    for k in range(_SURROGATES):  # one at a time, for each is as long as the recording
-        drawn = drawn_from(noises, len(away), random)[:, 0]
-        by_chance[k] = explained(drawn - drawn.mean())
-    unexplained = np.log(np.maximum(1.0 - by_chance, 1e-12))
-    far = (float(np.mean(unexplained)) - np.log(max(1.0 - share, 1e-12))) / max(float(np.std(unexplained)), 1e-12)
-    return share - float(np.mean(by_chance)) if far > _BEYOND else 0.0
+
+    def beyond(turned: Callable[[Array], Array]) -> float:
+        random, by_chance = np.random.default_rng(_SEED), np.empty(_SURROGATES)
+        for k in range(_SURROGATES):  # one at a time, for each is as long as the recording
+            drawn = turned(drawn_from(noises, len(away), random)[:, 0])
+            by_chance[k] = explained(drawn - drawn.mean())
+        unexplained = np.log(np.maximum(1.0 - by_chance, 1e-12))
+        far = (float(np.mean(unexplained)) - np.log(max(1.0 - share, 1e-12))) / max(float(np.std(unexplained)), 1e-12)
+        return share - float(np.mean(by_chance)) if far > _BEYOND else 0.0
+
+    as_fitted = beyond(lambda drawn: drawn)
+    return as_fitted and min(as_fitted, beyond(_as_loud(away, noises[0])))
 
 
 CHECK = Check("structure", look, (), True)

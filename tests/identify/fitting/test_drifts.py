@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.diagnose.nulls import colored
 from bench.host.identify_faults import changed, motor, swing
 from firmloop.cli import main
 from firmloop.identify.fitting.checks.structure import answering, features
@@ -31,6 +32,20 @@ def test_a_drift_answers_no_input_and_a_lag_that_is_off_does(tmp_path: Path) -> 
     assert [answering(each, given) for each in drifts] == [0.0] * CASES
     off = lagged(drive, 1.4) - clean
     assert answering(0.1 * off + 0.002 * rng.standard_normal(len(drive)), given) > 0.0
+
+
+def test_noise_that_grows_towards_slow_answers_an_input_of_few_steps_once_in_a_while(tmp_path: Path) -> None:
+    """A few coefficients do not hold the slowest of 1/f noise: every fifth of such had answered the input."""
+    rng = np.random.default_rng(7)
+    drive = np.repeat(rng.uniform(0.0, 5.0, 10), 300)
+    clean, time = lagged(drive, 1.2), STEP * np.arange(len(drive))
+    text = lag_project("heater_V", "temperature_C", 1.0, 1.2)
+    project = read_project(logged(tmp_path, text, "time_s,heater_V,temperature_C", time, drive, clean))
+    given = features(plant_of(project), read_data(project).train[0], clean[:, None])
+    noises = (colored("one_over_f", len(drive), rng, STEP, 1.0) for _ in range(CASES))
+    assert sum(answering(each, given) > 0.0 for each in noises) <= 0.05 * CASES
+    off = lagged(drive, 1.4) - clean
+    assert answering(4.0 * off / off.std() + colored("one_over_f", len(drive), rng, STEP, 1.0), given) > 0.0
 
 
 @pytest.mark.parametrize("size", [0.3, 3.0])
