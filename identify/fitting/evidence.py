@@ -21,9 +21,12 @@ from firmloop.identify.simulation.simulate import course_of, measured, simulator
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """`given` is the plant as the project has it, `fit` what became of it; None before a fit."""
+    """`given` is the plant as the project has it, `fit` what became of it; None before a fit.
+
+    One is equal to itself alone, so that a check that others ask too keeps what it has found in it.
+    """
 
     given: Plant
     recordings: tuple[Recording, ...]

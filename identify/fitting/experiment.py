@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ _ROWS_PER_STATE = 4  # of a stretch: fewer tell next to nothing
 _HELD = 1e-4  # of all slopes: a direction of the initial state that leaves next to no trace
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Experiment:
     """What drives the simulation, and what its outputs are compared with after conditioning."""
 
@@ -47,6 +48,12 @@ class Experiment:
     lags: Mapping[str, float]  # s by which an output's clock is late
     known: tuple[int, ...] = ()  # states that are zero at its first row, see `known_states`
     unseen: int = 0  # rows at its begin that answer an input from before the recording alone
+
+    @cached_property
+    def spread(self) -> Array:
+        """How far each output (r,) moves, 1 where it stands still; kept, for a fit asks some thousand times."""
+        spread = np.std(self.target, axis=0)
+        return np.where(spread > 0.0, spread, 1.0)
 
 
 def experiments(plant: Plant, recording: Recording, conditioning: Conditioning) -> tuple[Experiment, ...]:
@@ -152,11 +159,10 @@ def misfit(
     residual = made.target - conditioned(made, delayed(made, outputs))
     slopes = conditioned(made, delayed(made, slopes))
     np.negative(slopes, out=slopes)
-    spread, own = np.std(made.target, axis=0), slopes[..., len(which) :]
-    scales = np.where(spread > 0.0, spread, 1.0)
+    own = slopes[..., len(which) :]
     for state in range(own.shape[2]):
         # One long column after another: over the first axis of all of them NumPy takes ten times as long.
-        traces = [max(one.max(), -one.min()) / scale for one, scale in zip(own[..., state].T, scales, strict=True)]
+        traces = [max(one.max(), -one.min()) / scale for one, scale in zip(own[..., state].T, made.spread, strict=True)]
         if np.max(traces) < _FORGOTTEN:
             own[..., state] = 0.0
     own[..., list(made.known)] = 0.0

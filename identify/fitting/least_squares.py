@@ -104,6 +104,7 @@ def minimize(
     """
     place = Unknowns(np.clip(start.shared, low, high), start.own)
     reduced, done, damping, growth = evaluate(place), 1, 1e-3, 2.0
+    cost = reduced.cost
     while done < evaluations:
         pull = _pull(reduced)
         held = ((place.shared <= low) & (pull > 0.0)) | ((place.shared >= high) & (pull < 0.0))
@@ -111,22 +112,23 @@ def minimize(
             step = _damped_step(reduced, held, damping)
             trial = Unknowns(np.clip(place.shared + step.shared, low, high), place.own + step.own)
             moved = Unknowns(trial.shared - place.shared, step.own)
-            gain = reduced.cost - _predicted(reduced, moved)
-            if _still(moved, place) or 0.0 <= gain <= _ENOUGH * reduced.cost:
-                return Minimum(place, reduced.cost, done)
+            gain = cost - _predicted(reduced, moved)
+            if _still(moved, place) or 0.0 <= gain <= _ENOUGH * cost:
+                return Minimum(place, cost, done)
             found = evaluate(trial)
+            left = found.cost
             done += 1
-            ratio = (reduced.cost - found.cost) / gain if gain > 0.0 else -1.0
-            if found.cost < reduced.cost and ratio > 1e-4:
-                place, reduced = trial, found
+            ratio = (cost - left) / gain if gain > 0.0 else -1.0
+            if left < cost and ratio > 1e-4:
+                place, reduced, cost = trial, found, left
                 damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-14)
                 growth = 2.0
                 break
             damping *= growth
             growth *= 2.0
             if damping > 1e20:
-                return Minimum(place, reduced.cost, done)
-    return Minimum(place, reduced.cost, done)
+                return Minimum(place, cost, done)
+    return Minimum(place, cost, done)
 
 
 def fit_function(

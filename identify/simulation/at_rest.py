@@ -51,7 +51,8 @@ def known_states(plant: Plant, recording: Recording) -> tuple[int, ...]:
     span, time = np.ptp(outputs, axis=0), recording.time - recording.time[0]
     noise = _noise(rest, outputs)
     seen = line.c / np.maximum(_SEEN * span, noise)[:, None]
-    far = np.stack([seen @ scipy.linalg.expm(line.a * moment) for moment in np.geomspace(time[1], time[-1], _MOMENTS)])
+    moments = np.geomspace(time[1], time[-1], _MOMENTS)
+    far = seen @ scipy.linalg.expm(line.a * moments[:, None, None])
     reach = np.max(np.sum(far**2, axis=1), axis=0)
     step = scipy.linalg.expm(line.a * (time[len(rest) - 1] / (len(rest) - 1)))
     traces = [line.c / noise[:, None]]

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,13 +38,14 @@ _SMALL = 1e-3  # of the output's spread: a residual below it harms nobody
 _SEED = 20240229  # any; fixed, so that a check repeats
 
 
+@lru_cache(maxsize=2)
 def look(evidence: Evidence) -> tuple[str, ...]:
     """Ask each output of all recordings together, then of each of them; a small share is not worth a word."""
     assert evidence.fit is not None
     plant = evidence.fit.plant
     found = []
     parts = remainders(evidence)
-    left, bent = answers(evidence, parts), _bent(evidence, parts)
+    left, bent = answers(evidence, parts, _SHARE), _bent(evidence, parts)
     for output in plant.outputs:
         worst, where = max((shares[output.name], source) for source, shares in left)
         if output.name in bent:
@@ -63,10 +65,10 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     return tuple(found)
 
 
-def answers(evidence: Evidence, parts: Sequence[Remainder]) -> list[tuple[str, dict[str, float]]]:
+def answers(evidence: Evidence, parts: Sequence[Remainder], least: float = 0.0) -> list[tuple[str, dict[str, float]]]:
     """Return which share of each recording's residuals its input explains beyond chance: source, then by output.
 
-    `parts` are the remainders of the evidence.
+    `parts` are the remainders of the evidence; 0 stands for a share of no more than `least`.
     """
     assert evidence.fit is not None
     found = []
@@ -76,7 +78,7 @@ def answers(evidence: Evidence, parts: Sequence[Remainder]) -> list[tuple[str, d
             residual, spread = part.residual[:, k], float(np.std(recording.columns[output.name]))
             told = len(residual) == len(recording.time) and np.std(residual) >= _SMALL * spread
             given = features(evidence.fit.plant, recording, score.simulated) if told else None
-            shares[output.name] = 0.0 if given is None else explained_share(residual, given)
+            shares[output.name] = 0.0 if given is None else explained_share(residual, given, least)
         found.append((score.source, shares))
     return found
 
@@ -166,8 +168,7 @@ def _size(values: Array) -> float:
 
 def answering(residual: Array, given: Columns) -> float:
     """Return which share of a residual (n,) the features (n, f) explain, where that is worth a word; else 0."""
-    share = explained_share(residual, given)
-    return share if share > _SHARE else 0.0
+    return explained_share(residual, given, _SHARE)
 
 
 def _as_loud(values: Array, noise: Noise) -> Callable[[Array], Array]:
@@ -188,8 +189,11 @@ def _as_loud(values: Array, noise: Noise) -> Callable[[Array], Array]:
     return lambda noisy: np.fft.irfft(louder * np.fft.rfft(noisy), len(values))
 
 
-def explained_share(residual: Array, given: Columns) -> float:
-    """Return which share of a residual (n,) the features (n, f) explain beyond chance; 0 where chance is enough."""
+def explained_share(residual: Array, given: Columns, least: float) -> float:
+    """Return which share of a residual (n,) the features (n, f) explain beyond chance, if it is more than `least`.
+
+    0 where it is not, or chance is enough; chance, which only takes of a share, is asked last: it takes the longest.
+    """
     away = residual - residual.mean()
     power = float(away @ away)
     if power == 0.0:
@@ -206,6 +210,8 @@ def explained_share(residual: Array, given: Columns) -> float:
         return float(np.sum((span @ (given.T @ unit.astype(np.float32))) ** 2))
 
     share = explained(away)
+    if share <= least:
+        return 0.0
     noises = noises_of([away[:, None]])
 
     def beyond(turned: Callable[[Array], Array]) -> float:
@@ -215,7 +221,8 @@ def explained_share(residual: Array, given: Columns) -> float:
             by_chance[k] = explained(drawn - drawn.mean())
         unexplained = np.log(np.maximum(1.0 - by_chance, 1e-12))
         far = (float(np.mean(unexplained)) - np.log(max(1.0 - share, 1e-12))) / max(float(np.std(unexplained)), 1e-12)
-        return share - float(np.mean(by_chance)) if far > _BEYOND else 0.0
+        more = share - float(np.mean(by_chance))
+        return more if far > _BEYOND and more > least else 0.0
 
     as_fitted = beyond(lambda drawn: drawn)
     return as_fitted and min(as_fitted, beyond(_as_loud(away, noises[0])))
