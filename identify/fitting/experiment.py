@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from firmloop.identify.fitting.least_squares import descend, triangle
 from firmloop.identify.plants.plant import Plant
 from firmloop.identify.recordings.conditioning import (
+    NONE,
     Conditioning,
     check_conditioning,
     check_parts,
@@ -92,6 +93,8 @@ def conditioned(made: Experiment, outputs: Array) -> Array:
 
     Values of a million rows are long: where nothing is done to them they are returned as they are.
     """
+    if made.conditioning == NONE and np.all(np.isfinite(outputs)):
+        return np.ascontiguousarray(outputs)
     parts = [
         condition_output(made.conditioning, name, rows_time(made), outputs[:, index])
         for index, name in enumerate(made.names)

@@ -38,9 +38,8 @@ def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Exper
     """
     given = np.array([parameter.value for parameter in plant.parameters])
     names = [parameter.name for parameter in plant.parameters]
-    if {name for name, value in zip(names, given, strict=True) if math.isnan(value)} <= set(scale_and_level(plant)):
-        whole = not np.any(np.isnan(given))
-        near = _around(plant, given) if whole else _scored(plant, simulator, experiments, _around(plant, given))
+    near = _near(plant, simulator, experiments)
+    if near is not None:
         bare = unguided(plant)
         more = bare is not None and np.sum(np.isnan([p.value for p in bare.parameters])) > np.sum(np.isnan(given))
         return (*near, *(starting_points(bare, simulator, experiments)[:1] if bare is not None and more else ()))
@@ -50,6 +49,16 @@ def starting_points(plant: Plant, simulator: Engine, experiments: Sequence[Exper
     shapes = (*shapes, *_late(plant, shapes, experiments))
     grid = [np.array([shape.get(name, math.nan) for name in names]) for shape in shapes]
     return _scored(plant, simulator, experiments, [np.where(np.isnan(given), shape, given) for shape in grid])
+
+
+def _near(plant: Plant, simulator: Engine, experiments: Sequence[Experiment]) -> tuple[Array, ...] | None:
+    """Return the points (k,) around the values as given; None where more of them than scale and level are missing."""
+    given = np.array([parameter.value for parameter in plant.parameters])
+    missing = {parameter.name for parameter in plant.parameters if math.isnan(parameter.value)}
+    if not missing <= set(scale_and_level(plant)):
+        return None
+    around = _around(plant, given)
+    return _scored(plant, simulator, experiments, around) if missing else around
 
 
 def _late(
@@ -94,7 +103,7 @@ def without_far_values(problem: FitProblem, steps: Sequence[float]) -> FitProble
         return problem
     experiments = shortened(problem, steps).experiments
     bare = plant.valued({plant.parameters[k].name: math.nan for k in linear})
-    for found in starting_points(bare, simulator, experiments)[:1]:
+    for found in (_near(bare, simulator, experiments) or starting_points(bare, simulator, experiments))[:1]:
         far = [k for k in linear if abs(found[k] - given[k]) > LEASH * abs(given[k])]
         if far and _is_linear(simulator, experiments, found, linear):
             return loosened(problem, plant.valued({plant.parameters[k].name: math.nan for k in far}))
