@@ -72,6 +72,12 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Once:
     return folder_of
 
 
+@pytest.fixture(autouse=True, scope="session")
+def no_power_cut() -> None:
+    """No test cuts the power, after which alone it matters that a disk was waited for, some 7 ms a file."""
+    os.fsync = lambda descriptor: None
+
+
 @pytest.fixture(scope="session")
 def built(once: Once) -> Path:
     """Return what XDG_CACHE_HOME may name: a folder without what other runs have built, for programs of their own.
