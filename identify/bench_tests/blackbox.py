@@ -108,10 +108,7 @@ def _aim(records: Sequence[Record], order: int, late: int) -> Array:
 def _passed(model: SampledModel, records: Sequence[Record]) -> list[Record]:
     """Filter both signals by the model's denominator."""
     below = np.concatenate([[1.0], -model.a[:, 0]])
-    return [
-        Record(one.source, *(scipy.signal.lfilter([1.0], below, part) for part in (one.drive, one.output)))
-        for one in records
-    ]
+    return [Record(one.source, *scipy.signal.lfilter([1.0], below, [one.drive, one.output])) for one in records]
 
 
 def prefiltered(records: Sequence[Record], order: int, late: int) -> tuple[SampledModel, float]:
@@ -149,7 +146,9 @@ def fit_oe(records: Sequence[Record], order: int, late: int) -> SampledModel:
 
     def residual(values: Array) -> Array:
         model = _companion(values[:order], values[order:], late)
-        return np.nan_to_num(np.clip(np.concatenate(residuals(model, records)), -1e12, 1e12), nan=1e12)
+        left = np.clip(np.concatenate(residuals(model, records)), -1e12, 1e12)
+        left[np.isnan(left)] = 1e12
+        return left
 
     values, _ = fit_function(residual, start, scale, np.full(len(start), -np.inf), EVALUATIONS)
     return _companion(values[:order], values[order:], late)
@@ -351,11 +350,15 @@ def _simulated(model: SampledModel, record: Record) -> Array:
     """Simulate from the initial state that fits best, which is linear in it."""
     below = np.concatenate([[1.0], -model.a[:, 0]])
     forced = scipy.signal.lfilter(model.b, below, _later(record.drive, 1 + model.late))
-    rings = scipy.signal.lfilter([1.0], below, np.eye(1, len(record.output))[0])
-    free = np.column_stack([_later(rings, k) for k in range(len(model.b))])
+    rows = len(record.output)
+    free = np.zeros((rows, len(model.b)))
+    free[0, 0] = 1.0
+    free[:, 0] = scipy.signal.lfilter([1.0], below, free[:, 0])
+    for k in range(1, len(model.b)):
+        free[k:, k] = free[: rows - k, 0]
     with np.errstate(all="ignore"):
         if not np.all(np.isfinite(free)) or np.abs(free).max() > 1e9 or not np.all(np.isfinite(forced)):
-            return np.full(len(record.output), np.inf)
+            return np.full(rows, np.inf)
         start = np.linalg.lstsq(free, record.output - forced, rcond=1e-12)[0]
     return np.asarray(forced + free @ start)
 
