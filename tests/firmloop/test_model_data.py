@@ -31,7 +31,7 @@ x = "drive_V - x"
 """
 
 
-def steps(rows: int = 1500) -> np.ndarray:
+def steps(rows: int = 750) -> np.ndarray:
     return np.repeat(np.random.default_rng(5).choice([-1.0, 1.0], rows // 10 + 1), 10)[:rows]
 
 
@@ -221,7 +221,7 @@ def test_a_plant_that_integrates_from_elsewhere_is_refused_with_a_line_that_work
     tmp_path: Path, capsys: pytest.CaptureFixture[str], rest: float, start: float
 ) -> None:
     (above,), below, _ = scipy.signal.cont2discrete(([2.0], [0.3, 1.0, 0.0]), PERIOD)
-    drive = steps()
+    drive = steps(1500)
     output = scipy.signal.lfilter(above, below, drive) + 0.003 * np.random.default_rng(6).standard_normal(len(drive))
     project = left(tmp_path, drive, 0, 0.0, (0.0, 0.0), "order = 2\n")
     rows = [
@@ -289,7 +289,7 @@ def test_an_early_output_is_the_cause_that_is_named_where_no_model_is_found(
 
 
 def test_a_line_over_time_is_told_with_its_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    project = left(tmp_path, steps(), 0, 0.01, (0.0, 0.0), "")
+    project = left(tmp_path, steps(1500), 0, 0.01, (0.0, 0.0), "")
     rows = [line.split(",") for line in (tmp_path / "log.csv").read_text().splitlines()[1:]]
     drifted = [f"{t},{u},{float(y) + 0.02 * float(t)}" for t, u, y in rows]
     (tmp_path / "log.csv").write_text("\n".join(["time_s,drive_V,position_rad", *drifted]))
