@@ -95,7 +95,7 @@ _ALSO = {  # other spellings; those of words are compared without regard to capi
     **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
     **dict.fromkeys(("minute", "minutes", "mins"), "min"),
     **dict.fromkeys(("hour", "hours", "hr", "hrs"), "h"),
-    **{"days": "day", "hertz": "Hz"},
+    **{"days": "day", "hertz": "Hz", "kelvin": "K"},
     **dict.fromkeys(("watt", "watts"), "W"),
     **dict.fromkeys(("newton", "newtons"), "N"),
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),

@@ -155,7 +155,14 @@ def likely_unit(name: str, wanted: str) -> str:
     own = carried_unit(name)
     if not wanted or is_in(own, wanted) or "/" in own:
         return own
-    return next((each for each in _units_within(name) if is_in(each, wanted)), own)
+    within = next((each for each in _units_within(name) if is_in(each, wanted)), own)
+    return "degF" if not within and wanted == "degC" and _ends_in_f(name) else within
+
+
+def _ends_in_f(name: str) -> bool:
+    """Tell whether the last word of a name is the letter of Fahrenheit, in capitals: f is filtered as often."""
+    words = [word for piece in re.split(r"[\W_\d]+", name) if piece for word in camel_words(piece)]
+    return len(words) > 1 and words[-1] == "F" and words[-2].lower() not in _LETTERED
 
 
 def _units_within(name: str) -> Iterator[str]:

@@ -28,8 +28,8 @@ class FirstParameter:
 class FirstProject:
     """What was guessed; `says` holds a remark by the foreign column's name, `asides` what was not used.
 
-    `closed_loop` is the time constant that is asked for, s, None before the plant is known; `loop` holds reference,
-    measurement and output.
+    `closed_loop` is the time constant that is asked for, s, None before the plant is known; `integral` is ki of a
+    controller for a plant that no rule tunes; `loop` holds reference, measurement and output.
     """
 
     name: str
@@ -46,6 +46,7 @@ class FirstProject:
     closed_loop: float | None
     loop: tuple[Signal, ...]
     asides: tuple[str, ...] = ()
+    integral: float | None = None
 
 
 def first_text(first: FirstProject, folder: Path) -> str:
@@ -111,6 +112,10 @@ def _controller(first: FirstProject) -> Iterator[str]:
     yield "[controller]"
     yield 'kind = "pid"'
     yield f"period_s = {first.period:g}  # between two steps of the C"
+    if first.integral is not None:
+        yield "kp = 0.0  # the plant rings, which no rule tunes: an integral alone, slow enough to leave it in peace"
+        yield f"ki = {first.integral:.4g}  # a quarter of what makes the loop ring for ever"
+        return
     yield 'tune = "simc"  # or give kp, ki, kd; firmloop tune compares rules'
     if first.closed_loop is not None:
         yield f"tau_c_s = {first.closed_loop:.3g}  # time constant of the closed loop: smaller is quicker"

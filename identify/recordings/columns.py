@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 _TIMES = re.compile(
     r"(?i)_*(t|ts|time|stamp|timestamp|date|datetime|elapsed|clock|millis|micros|seconds?|x(_value)?|zeit|uhrzeit|datum|"
-    r"temps|heure|tiempo|hora|fecha|tempo|ora)"
+    r"unix(time)?|epoch|uptime|datenum|temps|heure|tiempo|hora|fecha|tempo|ora)"
     r"([\s_(\[].*)?"
 )
 
@@ -193,6 +193,8 @@ def _converted(rule: Column, foreign: str, printed: str, values: Array, file: st
 
 
 def _agree(printed: str, wanted: str) -> bool:
+    if printed == wanted:
+        return True
     try:
         return conversion(printed, wanted, "").changes_nothing
     except IdentifyError:

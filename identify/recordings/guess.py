@@ -14,6 +14,7 @@ from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
 from firmloop.identify.recordings.columns import Column, called_a_time
 from firmloop.identify.recordings.table import RawTable
+from firmloop.identify.recordings.ticks import tick_of
 from firmloop.identify.units import carried_unit, ending_of, likely_unit, unit_of
 
 Array = NDArray[np.float64]
@@ -66,10 +67,10 @@ _DRIVES = _SENT | frozenset(
     "power control ctrl actuator q1 q2 stell stellgrad stellgroesse spannung tension mv manipulated co op".split()
 )
 _ANSWERS = frozenset(
-    "y sensor tacho measured meas measurement actual feedback process pv ist istwert response level speed velocity vel "
-    "omega rpm position pos angle theta temperature temp pressure flow estimate counts ticks encoder vitesse "
-    "drehzahl geschwindigkeit winkel weg temperatur druck angulo angolo velocidad velocidade velocita posicion posicao "
-    "posizione temperatura thrust mass weight scale balance masse gewicht waage poids peso".split()
+    "y vout uout vo sensor tacho measured meas measurement actual feedback process pv ist istwert response level speed "
+    "velocity vel omega rpm position pos angle theta temperature temp pressure flow estimate counts ticks encoder "
+    "vitesse drehzahl geschwindigkeit winkel weg temperatur druck angulo angolo velocidad velocidade velocita posicion "
+    "posicao posizione temperatura thrust mass weight scale balance masse gewicht waage poids peso".split()
 )
 # Which way a column leans whose words say nothing of it, such as those of another language.
 _BY_QUANTITY = {
@@ -87,10 +88,8 @@ _GIVEN = frozenset("supply battery bat vbat vbus bus vcc vdd ff feedforward enab
 _FLAGS = frozenset(
     "enable enabled en on off active flag flags fault error state status mode ok ready alarm brake".split()
 )
+_CLOCKS = frozenset("s S sec Sec secs min h hr".split())
 _MOST_STATES = 10  # of them
-_SECONDS_MOST = 1e5  # span, a day or so: a clock without a unit that runs further counts smaller ticks
-_MICROSECONDS = 500.0  # ticks a row from which such a clock counts microseconds
-_EPOCHS = ((1e12, "ms"), (1e15, "us"), (1e18, "ns"))  # ticks since 1970, from the year 2001 to 2096
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +133,10 @@ def guess_time(table: RawTable) -> Guessed | None:
 
     A stamp may have fewer digits than a clock beside it.
     """
-    units = [unit or likely_unit(name, "s") for name, unit in zip(table.names, _units(table), strict=True)]
+    units = [
+        unit or likely_unit(name, "s") or _bare_unit(name)
+        for name, unit in zip(table.names, _units(table), strict=True)
+    ]
     found: list[tuple[tuple[int, float], Guessed]] = []
     for name, unit, values in zip(table.names, units, table.columns, strict=True):
         says = _converts(unit, "s")
@@ -142,8 +144,13 @@ def guess_time(table: RawTable) -> Guessed | None:
             continue
         sure = 3 if name == "time_s" else 2 if says and called_a_time(name) else 1
         rises = float(np.mean(np.diff(values) > 0.0))
-        found.append(((sure, rises), Guessed(name, "time_s", unit or _tick(values), bool(unit), False, 0, 0)))
+        found.append(((sure, rises), Guessed(name, "time_s", unit or tick_of(values, name), bool(unit), False, 0, 0)))
     return max(found, key=lambda each: each[0])[1] if found else None
+
+
+def _bare_unit(name: str) -> str:
+    """Return the name of a column that is a unit of time and nothing else, which a rising one then is in."""
+    return name.strip() if name.strip() in _CLOCKS else ""
 
 
 def guess_columns(table: RawTable, time: Guessed | None) -> tuple[Guessed, ...]:
@@ -257,15 +264,6 @@ def _runs(values: Array) -> bool:
 def _counts(values: Array) -> bool:
     """Tell whether a column has a few whole numbers alone."""
     return len(seen := np.unique(values)) <= _MOST_STATES and bool(np.all(seen == np.round(seen)))
-
-
-def _tick(values: Array) -> str:
-    """Return the unit of a clock that names none."""
-    whole = bool(np.all(values == np.round(values)))
-    if not whole or float(np.ptp(values)) < _SECONDS_MOST:
-        return "s"
-    since_1970 = next((unit for least, unit in _EPOCHS if least <= float(values[0]) < 4.0 * least), "")
-    return since_1970 or ("us" if float(np.median(np.diff(values))) >= _MICROSECONDS else "ms")
 
 
 def _quantity(foreign: str, unit: str) -> str:

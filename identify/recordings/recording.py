@@ -21,6 +21,7 @@ from firmloop.identify.recordings.formats import find_format, known_endings
 from firmloop.identify.recordings.lost_rows import leapt_over, uncounted
 from firmloop.identify.recordings.stamps import check_stamps, check_wraps
 from firmloop.identify.recordings.table import Misread, RawTable, told_aside, told_words, without_row_numbers
+from firmloop.identify.recordings.ticks import check_tick
 from firmloop.identify.signal import Signal
 from firmloop.identify.units import unit_of
 
@@ -81,7 +82,9 @@ def recording_of(
     given = {rename.get(name, Column(name)).name: (name, rename.get(name, Column(name))) for name in raw.names}
     timed = given.get("time_s", ("time_s", Column("time_s")))
     if clock is None:
-        check_wraps(raw.columns[raw.names.index(timed[0])], table, timed, str(path))
+        place = raw.names.index(timed[0])
+        check_tick(raw.columns[place], raw.units[place] if raw.units else "", timed, str(path))
+        check_wraps(raw.columns[place], table, timed, str(path))
     check_stamps(table, timed, str(path))
     columns = dict(zip(table.names, table.columns, strict=True))
     made = make_recording(columns.pop("time_s"), columns, path.name, digest)

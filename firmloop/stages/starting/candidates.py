@@ -9,6 +9,7 @@ import numpy as np
 from firmloop.identify.plants.first_values import motor_values, stage_values
 from firmloop.identify.recordings.recording import Recording
 from firmloop.project.first_text import FirstParameter
+from firmloop.stages.starting.reading import integrates
 
 _FAR = 0.1  # of an output's span: a level this far from zero is one of rest, not noise
 
@@ -81,14 +82,17 @@ def _stage(recording: Recording, drive: str, output: str) -> Proposal:
 
 
 def _rests(recording: Recording, drive: str, output: str) -> list[tuple[FirstParameter, ...]]:
-    """Return the levels that a lag may rest at, where they are not zero; its other values are found without a start.
+    """Return the levels that a lag may rest at; its other values are found without a start.
 
-    The first row may hold the plant where it is, or be the first step of a plant that rests with its input at zero.
+    The first row may hold the plant where it is, as 4 mA hold a valve shut, or be the first step of a plant that rests
+    with its input at zero.
     """
     values, pushes = recording.columns[output], recording.columns[drive]
-    if abs(float(values[0])) < _FAR * float(np.ptp(values)):
-        return [()]
     held = (FirstParameter("output_at_rest", float(values[0]), True, "where the output rests"),)
-    if float(pushes[0]) == 0.0:
-        return [held]
-    return [(*held, FirstParameter("input_at_rest", float(pushes[0]), False, "the input that holds it there")), held]
+    push = FirstParameter("input_at_rest", float(pushes[0]), False, "the input that holds it there")
+    near = abs(float(values[0])) < _FAR * float(np.ptp(values))
+    if not push.value:
+        return [()] if near else [held]
+    if near:  # what sums up has no level to rest at
+        return [()] if integrates(pushes, values) else [(), (*held, push)]
+    return [(*held, push), held]

@@ -30,6 +30,7 @@ from firmloop.stages.data import Data
 from firmloop.stages.progress import Report
 from firmloop.stages.reachable import held_levels
 from firmloop.stages.starting.candidates import Proposal, proposals
+from firmloop.stages.starting.first_gains import integral_of_a_ringing_plant
 from firmloop.stages.starting.reading import POSITION, Guesses, integrates, read_guessed
 
 _NEAR = 3.0  # % of fit that a kind which tells more, or has less to fit, may be behind the best one
@@ -84,15 +85,15 @@ def guess_project(
                 ways.append(_tried(base, proposal, seen))
             except (IdentifyError, ProjectError, CodegenError) as error:
                 complaint = complaint or error
-        tried += [max(ways, key=lambda way: way.least)] if ways else []
+        tried += [_plainest(ways)] if ways else []
         if ways and tried[-1].score > _GOOD:
             break
-    if not tried and isinstance(complaint, ProjectError):
+    if sums := _integral(seen, drive, outputs[0]):  # which a slow swing makes up for
+        tried = [each for each in tried if each.project.integral is None]
+    if not tried and isinstance(complaint, ProjectError) and not sums:
         raise IdentifyError(f"{paths[0]}: no project can be made of it: {complaint}")
     if not tried:
-        raise IdentifyError(
-            f"no plant kind fits {drive} -> {outputs[0]}: {_integral(seen, drive, outputs[0]) or complaint}"
-        )
+        raise IdentifyError(f"no plant kind fits {drive} -> {outputs[0]}: {sums or complaint}")
     best = max(each.score for each in tried)
     return next(each.project for each in tried if each.score >= best - _NEAR)
 
@@ -104,6 +105,12 @@ class _Tried:
     score: float
     least: float
     project: FirstProject
+
+
+def _plainest(ways: Sequence[_Tried]) -> _Tried:
+    """Return the way with the least to fit of those that come near the best, and of as many the best."""
+    near = [way for way in ways if way.least >= max(each.least for each in ways) - _NEAR]
+    return min(near, key=lambda way: (sum(each.free for each in way.project.parameters), -way.least))
 
 
 def _tried(base: FirstProject, proposal: Proposal, seen: Data) -> _Tried:
@@ -153,7 +160,9 @@ def _settled(first: FirstProject, found: Fit, longest: float) -> FirstProject:
     period = max(first.period, _round_down(slowest / _STEPS_PER_LAG))
     closed = max(slowest / _QUICKER, 5.0 * period, linear.delay)
     loop = (_within_reach(first.loop, held_levels(first.loop[2:], found.plant, linear)), *first.loop[1:])
-    return replace(first, parameters=tuple(told), period=period, closed_loop=float(f"{closed:.2g}"), loop=loop)
+    integral = integral_of_a_ringing_plant(linear, period)
+    asked = float(f"{closed:.2g}")
+    return replace(first, parameters=tuple(told), period=period, closed_loop=asked, loop=loop, integral=integral)
 
 
 def _within_reach(loop: Sequence[Signal], held: tuple[float, float] | None) -> Signal:

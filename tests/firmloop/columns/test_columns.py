@@ -270,3 +270,30 @@ def test_a_period_is_offered_only_where_it_leaves_the_other_rows_in_place(
         status, columns, said = bench("\n".join([HEADER, *rows, ""]), "period_s = 0.05")
         assert status == 0, said
         alike(columns)
+
+
+DATES = {  # stamps of rows 0.05 s apart that a project takes for seconds, and how a file prints them
+    "ms": (1.7e12 + TIME * 1e3, "{:.0f}"),
+    "us": (1.7e15 + TIME * 1e6, "{:.0f}"),
+    "days": (45352.375 + TIME / 86400.0, "{:.12f}"),
+}
+
+
+@pytest.mark.parametrize("unit", DATES)
+def test_a_clock_that_counts_since_a_day_is_not_read_as_seconds(unit: str, bench: Callable[..., tuple]) -> None:
+    stamps, form = DATES[unit]
+    rows = [f"{form.format(t)},{row.partition(',')[2]}" for t, row in zip(stamps, ROWS, strict=True)]
+    content = "\n".join(["stamp,voltage_V,temperature_C", *rows])
+    status, _, said = bench(content, '[recordings.rename]\nstamp = "time_s"')
+    assert status == 2 and "are read as seconds" in said
+    status, columns, _ = bench(content, pasted(said))
+    assert status == 0
+    np.testing.assert_allclose(np.diff(columns["time_s"]), 0.05, atol=1e-6)
+
+
+@pytest.mark.parametrize("start", [40000.0, 45352.375, 730500.25])
+def test_a_clock_of_seconds_that_runs_for_long_is_one_of_seconds(start: float, bench: Callable[..., tuple]) -> None:
+    rows = [f"{start + t:.3f},{row.partition(',')[2]}" for t, row in zip(TIME, ROWS, strict=True)]
+    status, columns, said = bench("\n".join([HEADER, *rows]))
+    assert status == 0, said
+    np.testing.assert_allclose(np.diff(columns["time_s"]), 0.05, atol=1e-6)
