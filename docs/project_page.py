@@ -161,7 +161,10 @@ number * scale + offset is a value in `unit`.
 Text files may have commas, semicolons, tabs or spaces between columns, decimal commas, units in a line
 or behind each reading, lines before the header, a delimiter at every line's end, a byte order mark, or UTF-16. Dates
 and times of day are read as seconds
-from the first; columns of words are left aside. Exports of Tektronix, Rigol, Siglent, Keysight and Saleae, rows below
+from the first, days of spreadsheets and MATLAB as days; a column of two words such as ON and OFF is 1 and 0, other
+columns of words are left aside. A line may be a row, a signal with all its values, or one value beside its name and
+time, and a table of several rates may have empty cells. Exports of Tektronix, Rigol, Siglent, Keysight and Saleae, rows
+below
 settings that say how far apart they are (Yokogawa, Hantek, Owon, Fluke), Graphtec's recorders, LabVIEW's `.lvm`, the
 stamps of a terminal (`12:00:01.250 -> 3.2,17.4`), objects of JSON a line and lines that name each value
 (`t_ms:12,speed:3.5`) are read too. With an extra

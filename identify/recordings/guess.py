@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
 from firmloop.identify.recordings.columns import Column, called_a_time
+from firmloop.identify.recordings.stamps import in_no_order
 from firmloop.identify.recordings.table import RawTable
 from firmloop.identify.recordings.ticks import tick_of
 from firmloop.identify.units import carried_unit, ending_of, likely_unit, unit_of
@@ -140,9 +141,10 @@ def guess_time(table: RawTable) -> Guessed | None:
     found: list[tuple[tuple[int, float], Guessed]] = []
     for name, unit, values in zip(table.names, units, table.columns, strict=True):
         says = _converts(unit, "s")
-        if not (says or called_a_time(name)) or (unit and not says) or not _runs(values):
+        mixed = in_no_order(values) or _runs(-values)
+        if not (says or called_a_time(name)) or (unit and not says) or not (mixed or _runs(values)):
             continue
-        sure = 3 if name == "time_s" else 2 if says and called_a_time(name) else 1
+        sure = 0 if mixed else 3 if name == "time_s" else 2 if says and called_a_time(name) else 1
         rises = float(np.mean(np.diff(values) > 0.0))
         found.append(((sure, rises), Guessed(name, "time_s", unit or tick_of(values, name), bool(unit), False, 0, 0)))
     return max(found, key=lambda each: each[0])[1] if found else None

@@ -77,6 +77,7 @@ def recording_of(
     clock: RowClock | None = None,
 ) -> Recording:
     """Make a recording of what `read_raw` has found in a file; else as `read_recording`."""
+    raw = raw.with_states(raw.states)
     table = arranged(raw, rename, clock, str(path))
     _check_rows(path, table)
     given = {rename.get(name, Column(name)).name: (name, rename.get(name, Column(name))) for name in raw.names}

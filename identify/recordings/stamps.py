@@ -27,6 +27,7 @@ _PRESCALED = {
 }
 _SWAPPED = 50  # places that a logger, or a network, puts a row too early or too late
 _DOWN = 0.5  # of the steps: a clock that falls more often than it rises counts down
+_MIXED = 0.25  # of the steps: half of them fall where rows stand in no order
 _SHARE = 0.02  # of the rows: fewer repeated stamps are accidents
 _FEWEST = 3  # rows of a recording
 _CHANGES = 10  # of a stamp that say enough of the period
@@ -60,6 +61,12 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
             f"{plain}: time must rise; the column {clock[0]} does, by {clock[1]:.6g} in every row: if that is the "
             f"time, exchange the names time_s and {clock[0]} in the file's header or in [recordings.rename]"
         )
+    if in_no_order(time):
+        each = float(np.median(np.diff(np.sort(time))))
+        raise IdentifyError(
+            f"{plain}: time must rise; the rows stand in no order, and sorted by time they go on evenly, {each:.6g} s "
+            f"apart: sort the rows of the file by {given[0]}, and keep every one"
+        )
     falls = steps[steps < 0.0]
     exchanged = _displaced(time) <= min(_SWAPPED, len(time) // 4)  # rows of a clock that rises
     if len(falls) > _DOWN * len(steps) and steps[0] < 0.0 and not exchanged:  # else a counter seen too seldom, perhaps
@@ -91,6 +98,17 @@ def check_stamps(table: RawTable, given: tuple[str, Column], file: str) -> None:
         f"{_stamps_or_rows(time, stuck + 1, usual, 'correct it')}",
         _period_lines(time, stuck + 1, usual),
     )
+
+
+def in_no_order(time: Array) -> bool:
+    """Tell whether stamps (n,) are those of an even clock whose rows somebody has mixed up.
+
+    A counter that wraps falls by as much each time, and rows that a logger has swapped fall seldom and not far.
+    """
+    steps, sorted_steps = np.diff(time), np.diff(np.sort(time))
+    falls, usual = steps[steps < 0.0], float(np.median(sorted_steps)) if len(steps) else 0.0
+    even = usual > 0.0 and float(np.ptp(sorted_steps)) < 0.5 * usual
+    return even and len(falls) > _MIXED * len(steps) and float(np.ptp(falls)) > 0.5 * float(np.ptp(time))
 
 
 def check_wraps(counts: Array, table: RawTable, given: tuple[str, Column], file: str) -> None:

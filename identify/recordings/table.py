@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -19,7 +19,8 @@ class RawTable:
     """Columns of equal length. `places[k]` is where row k stands in the file, counted in `place` (line, row).
 
     `units` is what a line of units says of each column, empty where there is none; `notes` how the file was read, where
-    that is not plain; `words` what the columns without numbers hold, which are left aside.
+    that is not plain; `words` what the columns without numbers hold, which are left aside. Of those, `states` holds the
+    ones of two words as 1 and 0, and which word is which.
     """
 
     names: tuple[str, ...]
@@ -29,6 +30,32 @@ class RawTable:
     units: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     words: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    states: Mapping[str, tuple[Array, str]] = field(default_factory=lambda: MappingProxyType({}))
+
+    def with_states(self, names: Collection[str]) -> RawTable:
+        """Return the table with those of its `states` that have one of these names as columns."""
+        added = {name: self.states[name] for name in self.states if name in names}
+        if not added:
+            return self
+        return replace(
+            self,
+            names=(*self.names, *added),
+            columns=(*self.columns, *(column for column, _ in added.values())),
+            units=(*self.units, *("" for _ in added)) if self.units else (),
+            notes=(*self.notes, *(f"{name} is read as {says}" for name, (_, says) in added.items())),
+            words={name: holds for name, holds in self.words.items() if name not in added},
+            states={name: state for name, state in self.states.items() if name not in added},
+        )
+
+    def turned_around(self) -> RawTable:
+        """Return the table with its last row first."""
+        return replace(
+            self,
+            columns=tuple(column[::-1] for column in self.columns),
+            places=self.places[::-1],
+            states={name: (column[::-1], says) for name, (column, says) in self.states.items()},
+            notes=(*self.notes, "has its last row first, and is read from its end"),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
-from firmloop.identify.recordings.columns import Column, RowClock, called_a_counter
+from firmloop.identify.recordings.columns import Column, RowClock, called_a_counter, rename_line
 from firmloop.identify.recordings.guess import (
     Guessed,
     apart,
@@ -29,6 +29,8 @@ from firmloop.identify.recordings.table import RawTable, to_numbers, told_words
 from firmloop.identify.recordings.wrapping import wraps_at_a_turn
 from firmloop.identify.simulation.linear_filter import filtered
 from firmloop.identify.units import unit_of
+from firmloop.stages.starting.direction import refuse_without_direction
+from firmloop.stages.starting.unrolled import unrolled
 
 Array = NDArray[np.float64]
 
@@ -80,7 +82,7 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     IdentifyError
         when there is no time, no input or no output, when two columns seem to be one, or a file lacks a column.
     """
-    files = [_File(path, *read_raw(path)) for path in paths]
+    files, read_as = _with_needed_states([_File(path, *read_raw(path)) for path in paths])
     first, file = _without(files[0].raw, left_out, paths[0]), str(paths[0])
     time = None if period is not None else guess_time(first)
     if time is None and period is None:
@@ -88,6 +90,12 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
             f"{file}: no column seems to be the time; it has {', '.join(first.names)[:200]}{told_words(first.words)}; "
             f"{f'{to_numbers(first.words.values(), _DECIMAL)}, or ' if first.words else ''}{_unnamed_clock(first)}"
             "give the time between two rows, s, such as --period 0.001"
+        )
+    if time is not None and np.all(np.diff(clock_of := first.columns[first.names.index(time.foreign)]) <= 0.0):
+        raise IdentifyError(
+            f"{file}: column {time.foreign} falls from {clock_of[0]:.10g} to {clock_of[-1]:.10g}: turn the rows "
+            "around, if the last one came first; if they are in order and the clock counts down, write its project by "
+            f"hand, with {rename_line(time.foreign, 'time_s', time.unit).removesuffix(' }')}, scale = -1.0 }}"
         )
     columns = guess_columns(first, time)
     first, levels = _with_levels(first, [each.raw for each in files[1:]], columns)
@@ -108,6 +116,7 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
             f"{file}: an input and what answers it are needed: two columns that change besides the time; it has {there}"
             f"{told_words(first.words)}{cure}{alone}"
         )
+    first, words = unrolled(first, moving)
     pushed = _pushed(moving, first, levels)
     # Nothing is named as a drive: what an inner loop is asked for moves the plant, not what is read from it.
     if asked and pushed.drives <= 0 and (asked[0].commands or pushed.reads > 0):
@@ -126,6 +135,7 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
             f"({drive.foreign}): record what answers it, too"
         )
     outputs = tuple(_placed(drive, each, others, first) for each in _outputs(drive, others, first))
+    refuse_without_direction(drive, outputs, first, file, _lagging)
     if len(others) == 1 and len(outputs) == 1:  # of which none can be left out
         drive, answer = apart(drive, outputs[0])
         outputs, moving = (answer,), (drive, answer)
@@ -134,13 +144,32 @@ def read_guessed(paths: Sequence[Path], period: float | None, left_out: Sequence
     rename, clock = rename_of(used), None if period is None else RowClock(period)
     recordings, rename, clock = _read(files, rename, clock)
     turning = {each.foreign: each for each in outputs if wraps_at_a_turn(recordings, each.name)}
-    if turning:
+    counting = {each.foreign: each for each in outputs if each.foreign in words}
+    if turning or counting:
         wraps = {foreign: replace(each.column, wraps=_turn(each.unit)) for foreign, each in turning.items()}
+        wraps |= {foreign: replace(each.column, wraps=words[foreign]) for foreign, each in counting.items()}
         recordings, rename, clock = _read(files, {**rename, **wraps}, clock)
     named = [each.foreign for each in used]
-    asides = [_aside(each, each in still, levels) for each in columns if each.foreign not in named]
+    asides = [_aside(each, each in still, levels, outputs[0].foreign) for each in columns if each.foreign not in named]
+    asides += [f"column {name} is read as {says}" for name, says in read_as.items()]
     asides += [f"column {name} {holds} and is not used" for name, holds in first.words.items() if name not in left_out]
     return Guesses(recordings, rename, clock, time, drive, outputs, tuple(asides))
+
+
+def _with_needed_states(files: list[_File]) -> tuple[list[_File], dict[str, str]]:
+    """Take columns of two words, such as ON and OFF, as numbers where what drives the plant is among them alone.
+
+    Also return how each of them is read.
+    """
+    first = files[0].raw
+    numbers = guess_columns(first, guess_time(first))
+    enough = len(numbers) > 1 and any(each.drives > 0 and not each.reference for each in numbers)
+    if enough or not first.states:
+        return files, {}
+    whole = first.with_states(first.states)
+    driving = [each.foreign for each in guess_columns(whole, guess_time(whole)) if each.drives > 0]
+    needed = {name: says for name, (_, says) in first.states.items() if name in driving or len(numbers) < 2}
+    return [replace(each, raw=each.raw.with_states(needed)) for each in files], needed
 
 
 def _counts(column: Guessed, values: Array) -> bool:
@@ -169,7 +198,11 @@ def _without(table: RawTable, left_out: Sequence[str], path: Path) -> RawTable:
     kept = [k for k, name in enumerate(table.names) if name not in left_out]
     units = tuple(table.units[k] for k in kept) if table.units else ()
     return replace(
-        table, names=tuple(table.names[k] for k in kept), columns=tuple(table.columns[k] for k in kept), units=units
+        table,
+        names=tuple(table.names[k] for k in kept),
+        columns=tuple(table.columns[k] for k in kept),
+        units=units,
+        states={name: state for name, state in table.states.items() if name not in left_out},
     )
 
 
@@ -302,14 +335,15 @@ def _lagged(drive: Array, rows: float) -> Array:
     return filtered(np.array([0.0, 1.0 - stays]), np.array([1.0, -stays]), drive - drive[0])
 
 
-def _aside(each: Guessed, still: bool, levels: Collection[str]) -> str:
+def _aside(each: Guessed, still: bool, levels: Collection[str], output: str) -> str:
     if each.foreign in levels:
         return f"column {each.foreign} only differs from recording to recording and is not used"
     if still:
         return f"column {each.foreign} never changes and is not used"
     if each.reference:
         return f"column {each.foreign} seems to be a reference and is not used"
-    return f"column {each.foreign} is not used"
+    also = f'; if it moves {output}, too, write kind = "ode" with both as inputs' if each.drives > 0 else ""
+    return f"column {each.foreign} is not used{also}"
 
 
 def _read(

@@ -14,10 +14,33 @@ _TURNS = ((360.0, "degrees", 'unit = "deg", wraps = 360'), (1.0, "turns", 'unit 
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
-    """Ask every angle of the plant whether it wraps in all recordings together."""
+    """Ask every angle of the plant, and whatever has no unit and is counted, whether it wraps in all recordings."""
     angles = [signal.name for signal in evidence.given.outputs if signal.unit == "rad"]
-    wraps = {name: wrap_of(evidence.recordings, name) for name in angles}
-    return tuple(_said(evidence, name, size) for name, size in wraps.items() if size is not None)
+    counts = [signal.name for signal in evidence.given.outputs if not signal.unit and _counts(evidence, signal.name)]
+    wraps = {name: wrap_of(evidence.recordings, name) for name in (*angles, *counts)}
+    return tuple(
+        _said_of_counts(evidence, name, size) if name in counts else _said(evidence, name, size)
+        for name, size in wraps.items()
+        if size is not None
+    )
+
+
+def _counts(evidence: Evidence, name: str) -> bool:
+    return all(np.array_equal(each.columns[name], np.round(each.columns[name])) for each in evidence.recordings)
+
+
+def _end_of(size: float) -> int:
+    """Return where a counter wraps that falls by `size`, as far as that is measured."""
+    bits = 2 ** round(math.log2(size))
+    return bits if abs(size / bits - 1.0) < TURN else round(size)
+
+
+def _said_of_counts(evidence: Evidence, name: str, size: float) -> str:
+    return (
+        f"{name} of {sources_of(evidence.recordings)} leaps by {size:.6g} from one end of its range to the other, "
+        "against its motion: a counter that wraps; write in [recordings.rename], with the file's own name on the left, "
+        f'{name} = {{ name = "{name}", wraps = {_end_of(size)} }}'
+    )
 
 
 def _said(evidence: Evidence, name: str, size: float) -> str:
@@ -36,10 +59,9 @@ def _said(evidence: Evidence, name: str, size: float) -> str:
         if abs(size / turn - 1.0) < TURN:
             line = f'{name} = {{ name = "{name}", {keys} }}'
             return f"{leaps} but in {unit}: write in [recordings.rename], with the file's own name on the left, {line}"
-    if not all(np.array_equal(each.columns[name], np.round(each.columns[name])) for each in evidence.recordings):
+    if not _counts(evidence, name):
         return f"{leaps}: write in its line of [recordings.rename] by how much the file's own numbers fall there"
-    bits = 2 ** round(math.log2(size))
-    counts = bits if abs(size / bits - 1.0) < TURN else round(size)
+    counts = _end_of(size)
     return (
         f"{leaps}: are these counts? then write in [recordings.rename], with the file's own name on the left, "
         f'{name} = {{ name = "{name}", scale = {math.tau / counts:.10g}, wraps = {counts} }} for {counts} counts a '

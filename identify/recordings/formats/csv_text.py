@@ -17,6 +17,7 @@ from firmloop.identify.recordings.extent import text_extent, unzipped
 from firmloop.identify.recordings.formats import Format
 from firmloop.identify.recordings.table import Misread, RawTable, to_numbers
 from firmloop.identify.recordings.text.calendar_stamps import (
+    first_row_first,
     with_seconds,
     with_terminal_stamps,
     without_terminal_stamps,
@@ -30,11 +31,15 @@ from firmloop.identify.recordings.text.frames import without_frames
 from firmloop.identify.recordings.text.json_objects import MOST_DOCUMENT, begins_json, rows_of_json
 from firmloop.identify.recordings.text.lines import Lines
 from firmloop.identify.recordings.text.log_prefix import without_log_prefix
+from firmloop.identify.recordings.text.long_table import read_long
 from firmloop.identify.recordings.text.named_values import read_named_values
 from firmloop.identify.recordings.text.readings import without_reading_units
 from firmloop.identify.recordings.text.settings import read_settings
+from firmloop.identify.recordings.text.sparse import read_sparse
+from firmloop.identify.recordings.text.states import with_states
 from firmloop.identify.recordings.text.teleplot import read_teleplot
 from firmloop.identify.recordings.text.thousands import without_thousands
+from firmloop.identify.recordings.text.turned import turned
 from firmloop.identify.recordings.text.words import without_words
 
 _CLOCK = re.compile(r"\d:\d\d")  # of a time of day
@@ -90,6 +95,8 @@ def _read_text(content: bytes) -> RawTable | Misread:
     text, logged = without_log_prefix(text)
     encoding += logged
     lines = Lines(text)
+    if (around := turned(lines)) is not None:
+        lines, encoding = around[0], (*encoding, around[1])
     begin = begins_json(lines)
     found = _read_columns(lines, encoding) if begin is None else _from_json(text, begin, encoding)
     if stamps and isinstance(found, Misread):
@@ -136,7 +143,8 @@ def _read_columns(lines: Lines, encoding: tuple[str, ...]) -> RawTable | Misread
             return with_fractions(replace(plain, notes=(*encoding, *plain.notes)))
     bare_lines, framed = without_frames(lines)
     found = read_teleplot(bare_lines) or read_export(bare_lines) or read_settings(bare_lines)
-    found = found or read_named_values(bare_lines) or _in_dialect(bare_lines)
+    found = found or read_named_values(bare_lines) or read_long(bare_lines) or read_sparse(bare_lines)
+    found = found or _in_dialect(bare_lines)
     if isinstance(found, RawTable):
         return replace(found, notes=(*encoding, *framed, *found.notes))
     if found is not None:
@@ -229,6 +237,7 @@ def _in_dialect(lines: Lines) -> RawTable | Misread | None:
     if isinstance(thousands, Misread):
         return thousands
     lines, marks = thousands
+    lines, states = with_states(lines)
     lines, words, aside = without_words(lines)
     found = find_dialect(lines)
     if found is None or isinstance(found, Misread):
@@ -237,11 +246,12 @@ def _in_dialect(lines: Lines) -> RawTable | Misread | None:
     table = _parsed(found.names, rows, _filled(lines, found.first), found, lines)
     if isinstance(table, Misread):
         return table
-    kept = [k for k in range(len(table.names)) if k not in words]
+    kept = [k for k in range(len(table.names)) if k not in words and k not in states]
     printed = enumerate(found.units or ("",) * len(table.names))
     units = ["s" if k == stamped else read_in.get(k, unit) for k, unit in printed]
     left = {table.names[k]: holds for k, holds in words.items() if table.names[k]}
     aside = f"{aside} ({', '.join(left)})" if left else aside
+    told = {table.names[k]: (table.columns[k], *says) for k, says in states.items() if table.names[k]}
     made = RawTable(
         tuple(table.names[k] for k in kept),
         tuple(table.columns[k] for k in kept),
@@ -249,9 +259,12 @@ def _in_dialect(lines: Lines) -> RawTable | Misread | None:
         table.places,
         tuple(units[k] for k in kept) if any(units) else (),
         (*found.notes, *table.notes, *filter(None, (quotes, exponents, said, stamps, marks, aside))),
-        left,
+        left | {name: holds for name, (_, holds, _) in told.items()},
+        {name: (column, says) for name, (column, _, says) in told.items()},
     )
-    return with_fractions(made, kept.index(stamped) if stamped in kept else None)
+    place = kept.index(stamped) if stamped in kept else None
+    made = with_fractions(made, place)
+    return first_row_first(made, place)
 
 
 def _parsed(

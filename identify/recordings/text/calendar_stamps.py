@@ -122,6 +122,17 @@ def with_seconds(lines: Lines) -> tuple[Lines, str, int | None]:
     return out, f"has stamps such as {example!r}, which are read as seconds from the first", shape[0]
 
 
+def first_row_first(table: RawTable, stamped: int | None) -> RawTable:
+    """Return the table with its rows in order, where its dates, which no clock counts down, go back in every row."""
+    steps = np.diff(table.columns[stamped]) if stamped is not None else np.zeros(0)
+    if stamped is None or not np.any(steps < 0.0) or np.any(steps > 0.0):
+        return table
+    turned = table.turned_around()
+    time = turned.columns[stamped]
+    columns = [time - time[0] if k == stamped else column for k, column in enumerate(turned.columns)]
+    return replace(turned, columns=tuple(columns))
+
+
 def _found(stamp: re.Pattern[str], line: str) -> re.Match[str] | None:
     """Return the first stamp; beside a date 12:00 is hours and minutes, alone it may be minutes and seconds."""
     found = stamp.search(line)

@@ -63,6 +63,14 @@ DIALECTS: dict[str, tuple[str | bytes, str]] = {
         "\n".join([f",{HEADER},state", *(f",{row},OK" for row in ROWS)]).replace(",", ";"),
         "2 columns without numbers, left aside: empty, 'OK'",
     ),
+    "a column that is mostly empty": (
+        "\n".join([f"{HEADER},a_C", *(f"{row},{'' if k % 9 else 1}" for k, row in enumerate(ROWS))]),
+        "has empty cells, for its columns are read at different times",
+    ),
+    "a column that is mostly empty beside one of words": (
+        "\n".join([f"{HEADER},a_C,frame", *(f"{row},{'' if k % 9 else 1},base" for k, row in enumerate(ROWS))]),
+        "has empty cells, for its columns are read at different times",
+    ),
     "UTF-16": (PLAIN.encode("utf-16"), "UTF-16"),
     "UTF-16, big end first": (b"\xfe\xff" + PLAIN.encode("utf-16-be"), "UTF-16"),
     "UTF-16 without its mark": (PLAIN.encode("utf-16-le"), "UTF-16"),
@@ -306,9 +314,9 @@ REFUSED: dict[str, tuple[str | bytes, tuple[str, ...]]] = {
         + "\n".join(rows_of(TIME, VOLT, TIME + 0.01, HEAT, mark="\t")),
         ("a time column for each",),
     ),
-    "a column that is mostly empty": (
-        "\n".join([f"{HEADER},a_C", *(f"{row},{'' if k % 9 else 1}" for k, row in enumerate(ROWS))]),
-        ("is empty; so are 53 of 60 rows", "leave a_C out"),
+    "a time that is mostly empty": (
+        "\n".join([HEADER, *(f",{row.partition(',')[2]}" if k % 9 else row for k, row in enumerate(ROWS))]),
+        ("column time_s is the time, but", "give the time between rows"),
     ),
     "a column of no numbers": ("\n".join([f"{HEADER},a", *(f"{row},nan" for row in ROWS)]), ("leave the column out",)),
     "words where numbers belong": (
