@@ -29,7 +29,6 @@ from firmloop.identify.recordings.conditioning import find_lag, interpolate
 from firmloop.identify.recordings.recording import Recording
 
 _LONGEST = 0.1  # of a recording, that a lead is looked for
-_EARLY = -0.75  # rows, from which a lead is worth a fit
 _ALIGNED = 0.25  # rows: more than that is half of what is left, or more
 _TURNS = 8
 _SMALLER = 0.6  # of what the fit leaves of an output: so little is left once it is shifted
@@ -69,7 +68,7 @@ def _shift(evidence: Evidence, left: Mapping[str, float]) -> _Shift | None:
     assert before is not None
     if evidence.conditioning.align or evidence.conditioning.window_s > 0.0:
         return None
-    if all(lag > _EARLY for lag in _lags(before, evidence.recordings).values()):
+    if all(lag > -_ALIGNED for lag in _lags(before, evidence.recordings).values()):
         return None
     after, early = _in_time(evidence, before)
     if not early or any(after.noise[name] > _SMALLER * left[name] for name in early):

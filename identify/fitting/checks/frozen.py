@@ -1,8 +1,8 @@
 """A reading that stands still where the plant moves: a sensor, a bus or a logger that repeats its last value.
 
 A noisy reading repeats a value by chance for a few rows, a coarse one for more; a stretch of many times that has
-another cause. A body at rest is one: a position is not asked, nor a zero, but one that is leapt to and left by a leap,
-as no body stops and starts. A limit is another, of which others speak.
+another cause. A body at rest is one: a position is asked only where it leaps afterwards, and a zero where it is leapt
+to and left by a leap, as no body stops and starts. A limit is another, of which others speak.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ _MOVES = 0.1  # of its whole motion, that the plant as given makes meanwhile
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
-    """Ask every output of every recording that is no position."""
+    """Ask every output of every recording; a position, which a body at rest keeps, only whether it leaps then."""
     found = []
     for recording in evidence.recordings:
         run = None
         for k, signal in enumerate(evidence.given.outputs):
-            if signal.name.startswith("position_") or signal.name not in recording.columns:
+            if signal.name not in recording.columns:
                 continue
             values = recording.columns[signal.name]
-            stretch = _stretch(values)
+            stretch = None if signal.name.startswith("position_") else _stretch(values)
             if stretch is None:
                 late = None if evidence.fit is None else _caught_up(evidence.fit.plant, recording, values, k)
                 found += [] if late is None else [_told(recording, signal.name, *late)]

@@ -25,6 +25,7 @@ _FEWEST_COUNTS = 28.0  # a turn: an encoder of 7 lines, of which it counts the f
 _PERCENT = 100.0
 _PLACEHOLDER = 1.0  # a free gain of exactly this is no claim
 
+_THOUSANDS = "in thousands of the unit"  # in which less is recorded than in thousandths
 FACTORS = {
     "in thousandths of the unit (mA, mV, mm)": 1000.0,
     "in revolutions per minute": 60.0 / (2.0 * math.pi),
@@ -32,7 +33,7 @@ FACTORS = {
     "in degrees": 180.0 / math.pi,
     "per minute": 60.0,
     "in turns": 1.0 / (2.0 * math.pi),
-    "in thousands of the unit": 1e-3,
+    _THOUSANDS: 1e-3,
     "in millionths of the unit": 1e6,
 }
 _TURNING = {  # what only a shaft is read in: by the unit it should have, the one that the column has
@@ -41,7 +42,7 @@ _TURNING = {  # what only a shaft is read in: by the unit it should have, the on
     "in degrees": {"rad": "deg", "rad/s": "deg/s"},
     "in turns": {"rad": "rev", "rad/s": "rev/s"},
 }
-ELECTRIC = ("in thousandths of the unit (mA, mV, mm)", "in thousands of the unit", "in millionths of the unit")
+ELECTRIC = ("in thousandths of the unit (mA, mV, mm)", _THOUSANDS, "in millionths of the unit")
 _OF_A_SHAFT = (*_TURNING, ELECTRIC[0])
 
 
@@ -278,6 +279,9 @@ def _looks(evidence: Evidence, name: str, factor: float, unit: str | None) -> st
     if turning(name) and factor < 1.0 and "ke_V_s_rad" in {each.name for each in evidence.given.parameters}:
         ratio = f"{GEAR} = {{ value = {1.0 / factor:.3g}, free = false }}"
         geared = f"is it read behind a gear? then write {ratio}, with its exact ratio, in [plant.parameters]"
+    alone = len(evidence.given.outputs) == len(evidence.given.inputs) == 1
+    if unit == _THOUSANDS and alone and (pushed := unit_of_factor(1.0 / factor, _NEAR, drive)):
+        return f"{drive} looks {pushed}: {in_unit(drive, pushed)}; or {name} looks {unit}: {in_unit(name, unit)}"
     if unit:
         other = counts or ("" if unit_of_factor(factor, _SURE, name) else geared)
         return f"it looks {unit}: {in_unit(name, unit)}" + (f"; or {other}" if other else "")

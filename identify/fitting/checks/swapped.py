@@ -8,13 +8,13 @@ from types import MappingProxyType
 
 from firmloop.identify.fitting.check import Check
 from firmloop.identify.fitting.evidence import Evidence, unexplained
+from firmloop.identify.fitting.fit import tried
 from firmloop.identify.recordings.columns import rename_line
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.units import unit_of
 
-_POOR = 0.3  # share of an output's variance that is not explained as the columns are
 _ALIKE = 0.8  # correlation of every output with the plant as given, once they are exchanged
-_BETTER = 0.4  # of what is not explained as the columns are
+_BETTER = 0.4  # of what is not explained as the columns are, as given and fitted
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
@@ -24,19 +24,22 @@ def look(evidence: Evidence) -> tuple[str, ...]:
 
 def _exchanged(evidence: Evidence, recording: Recording) -> str:
     plain = unexplained(evidence, recording)
-    if plain is None or max(plain) < _POOR:
+    if plain is None:
         return ""
     plant = evidence.given
     names = [signal.name for signal in (*plant.inputs, *plant.outputs) if signal.name in recording.columns]
-    tried = {pair: unexplained(evidence, _with_exchanged(recording, *pair)) for pair in combinations(names, 2)}
-    known = {pair: shares for pair, shares in tried.items() if shares is not None}
+    ways = {pair: unexplained(evidence, _with_exchanged(recording, *pair)) for pair in combinations(names, 2)}
+    known = {pair: shares for pair, shares in ways.items() if shares is not None}
     if not known:
         return ""
     (one, other), shares = min(known.items(), key=lambda each: sum(each[1]))
     if max(shares) > 1.0 - _ALIKE**2 or sum(shares) > _BETTER * sum(plain):
         return ""
-    if evidence.fit is not None and evidence.fit.explained >= 1.0 - max(shares):
-        return ""  # other values explain more of the columns as they are
+    again = tried(plant, [_with_exchanged(recording, one, other)], evidence.conditioning, near=True)
+    fit = evidence.fit
+    most = max(shares) if fit is None else min(max(shares), _BETTER * (1.0 - fit.explained))
+    if again is None or 1.0 - again.explained > most:
+        return ""  # a likeness that no values of the plant bear out, or less so than those of the columns as they are
     return (
         f"{one} and {other} of {recording.source} look exchanged: the plant as given then explains "
         f"{100.0 * (1.0 - max(shares)):.0f} % of every output, and {100.0 * (1.0 - max(plain)):.0f} % as the columns "

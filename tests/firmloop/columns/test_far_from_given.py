@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from bench.host.identify_faults import changed, swing
 from firmloop.cli import main
 from tests.firmloop.columns.test_identify_says import identified, seeded, written
 
@@ -139,3 +140,11 @@ def test_a_rotor_far_off_beside_a_right_voltage_constant_is_no_speed_in_counts(t
     assert any("its unit is right, for ke_V_s_rad comes out as 0.03 and is given as 0.028" in one for one in said), said
     assert any("check in [plant.parameters] J_kg_m2 and its unit, which is given as 0.012" in one for one in said)
     assert not any("encoder" in one or "thousands of seconds" in one for one in said), said
+
+
+def test_a_drive_in_thousandths_is_not_mended_by_thousands_of_what_it_moves(tmp_path, capsys):
+    made = changed(swing(seeded(3)), valve_V=lambda v: 1e3 * v)
+    (says,), _ = identified(written(tmp_path / "log", made), capsys)
+    first, _, second = says.partition("; or ")
+    assert "valve_V looks in thousandths" in first and 'valve_V = { name = "valve_V", scale = 0.001 }' in first
+    assert "level looks in thousands of the unit" in second

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from bench.host.identify_faults import motor
+from bench.host.identify_faults import motor, stage
 from firmloop.cli import main
 from tests.firmloop.columns.test_identify_says import identified, logged, seeded, written
 from tests.identify.fitting.test_three_phases import ROWS, VALUES, H
@@ -104,6 +104,15 @@ def test_a_reading_that_dies_leaves_one_part_to_list(tmp_path, capsys):
     columns["speed_rad_s"] = stands_still(columns["speed_rad_s"], np.arange(1700, len(time)))
     (told,), _ = identified(written(tmp_path / "log", (table, time, columns)), capsys)
     assert told.startswith("speed_rad_s of log.csv stands at ") and told.endswith("cut these rows out")
+
+
+def test_a_position_that_stands_still_and_then_leaps_is_told_and_one_of_a_body_at_rest_is_not(tmp_path, capsys):
+    table, time, columns = stage(seeded(4))
+    assert identified(written(tmp_path / "sound", (table, time, columns)), capsys)[0] == []
+    wrong = {**columns, "position_m": stands_still(columns["position_m"], np.arange(700, 900))}
+    (told,), _ = identified(written(tmp_path / "log", (table, time, wrong)), capsys)
+    assert told.startswith("position_m of log.csv stands at ") and "and then leaps by" in told
+    assert "(200 rows)" in told and "list both parts" in told
 
 
 def test_a_coarse_reading_and_a_motor_that_sticks_do_not_stand_still(tmp_path, capsys):
