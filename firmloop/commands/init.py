@@ -34,6 +34,10 @@ def run(arguments: argparse.Namespace, console: Console) -> int:
     from firmloop.stages.starting.guess import guess_project
 
     files = tuple(dict.fromkeys(arguments.recordings))
+    for folder in filter(Path.is_dir, files):
+        raise ProjectError(
+            f"{folder}: is a folder; name the recordings in it: firmloop init {quote(str(folder / 'a.csv'))}"
+        )
     stem = files[0].name.split(".")[0]
     out = arguments.out or files[0].with_name(f"{stem}.toml")
     for path in (*files, out):

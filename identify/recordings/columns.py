@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion
+from firmloop.identify.recordings.clock import evened
 from firmloop.identify.recordings.table import RawTable, told_words
 from firmloop.identify.units import camel_words, carried_unit, likely_unit, stem_of, unit_of
 
@@ -189,6 +190,8 @@ def _converted(rule: Column, foreign: str, printed: str, values: Array, file: st
             )
         return values
     made = conversion(unit, wanted, f"{file}: column {foreign}")
+    if rule.name == "time_s" and not made.changes_nothing and len(values) > 1:
+        values = evened(values)  # whose digits are those of this unit
     return values if made.changes_nothing else values * made.factor + made.offset
 
 

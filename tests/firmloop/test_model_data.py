@@ -240,6 +240,24 @@ def test_a_plant_that_integrates_from_elsewhere_is_refused_with_a_line_that_work
     assert min(real for real, _ in document["poles_rad_s"]) == pytest.approx(-1 / 0.3, rel=0.02)
 
 
+def test_one_step_from_a_level_is_no_integral(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive, stays = np.repeat([20.0, 60.0], 300), np.exp(-2.0 / 150.0)
+    level = 30.0 + 0.5 * scipy.signal.lfilter([0.0, 1.0 - stays], [1.0, -stays], drive - 20.0)
+    level += 0.05 * np.random.default_rng(6).standard_normal(len(drive))
+    project = left(tmp_path, drive, 0, 0.0, (0.0, 0.0), "order = 1\n")
+    rows = [f"{k / 30.0:.4f},{u:g},{y:.3f}" for k, (u, y) in enumerate(zip(drive, level, strict=True))]
+    (tmp_path / "log.csv").write_text("\n".join(["t_min,drive_V,position_rad", *rows]) + "\n")
+    lines = '[recordings.rename]\nt_min = { name = "time_s", unit = "min" }\n'
+    project.write_text(project.read_text().replace("[plant]", f"{lines}[plant]", 1))
+    assert main(["model", str(project), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "position_rad rests at" in said and "where drive_V is 20," in said
+    mended = said.partition("file on the left: ")[2].partition("; the means")[0].replace(" and ", "\n")
+    project.write_text(project.read_text().replace(lines, f"{lines}{mended}\n", 1))
+    document = found(project)
+    assert document["gain"] == pytest.approx(0.5, rel=0.01)
+
+
 def test_what_follows_the_input_still_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found(left(tmp_path, steps(), 0, 0.01, (0.0, 0.0), "order = 1\n"))
     assert "still follows the input" in capsys.readouterr().out

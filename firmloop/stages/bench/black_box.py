@@ -42,6 +42,7 @@ from firmloop.identify.fitting.own_values import fit_start
 from firmloop.identify.fitting.residual_tests import residual_tests
 from firmloop.identify.fitting.scores import scores
 from firmloop.identify.plants.plant_table import plant_from_table
+from firmloop.identify.recordings.clock import evened
 from firmloop.identify.recordings.conditioning import NONE, condition_input, condition_output
 from firmloop.identify.recordings.recording import Recording, column
 from firmloop.identify.simulation.simulate import constants_of, simulate
@@ -78,7 +79,7 @@ def _whole(part: ProjectTable, key: str, default: int, low: int, high: int) -> i
 
 def _period(recordings: Sequence[Recording]) -> float:
     """Return the one sampling time of all recordings, s."""
-    steps = [np.diff(recording.time) for recording in recordings]
+    steps = [np.diff(evened(recording.time)) for recording in recordings]
     period = float(np.median(steps[0]))
     for recording, step in zip(recordings, steps, strict=True):
         if recording.hold != "zero_order":
@@ -323,7 +324,7 @@ def _check_means(project: Project, records: Sequence[Record], order: int, late: 
     if begun is None and not means_spoil:
         return
     drive, output = project.plant.input, project.plant.outputs[0]
-    rest = rest_of_an_integrator(records, order, late) if means_spoil else None
+    rest = rest_of_an_integrator(records, order, late) if means_spoil and begun is None else None
     if rest is not None:
         raise IdentifyError(
             f"{records[0].source}: {output} integrates {drive}, and stands still at {drive} = {rest:.6g} in place of "

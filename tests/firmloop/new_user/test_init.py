@@ -221,6 +221,7 @@ WRONG: dict[str, tuple[str, str, list[str], str]] = {  # file, its text, further
     "nothing that moves": ("a.csv", text("t,u,omega", TIME, DRIVE, 0 * SPEED), [], "two columns that change"),
     "a column that is not there": ("a.csv", text("t,u,w", TIME, DRIVE, SPEED), ["--leave-out", "q"], "no such column"),
     "no file": ("a.csv", "", [], "is empty"),
+    "a folder": ("a.csv", "", ["."], ".: is a folder; name the recordings in it"),
     "a place that is no project": ("a.csv", "", ["--out", "there.json"], "ends in .toml"),
 }
 

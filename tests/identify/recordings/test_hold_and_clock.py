@@ -85,6 +85,17 @@ def test_rounded_stamps_are_even_again_and_jitter_stays():
     assert evened(jittered) is jittered
 
 
+@pytest.mark.parametrize(("step", "places"), [(1.0 / 30.0, 2), (1.0 / 60.0, 4), (5.0 / 60.0, 4)])
+def test_stamps_with_few_digits_behind_the_point_are_even_and_a_row_that_is_missing_stays_so(
+    step: float, places: int
+) -> None:
+    true = step * np.arange(300)
+    printed = np.round(true, places)
+    assert np.ptp(np.diff(evened(printed))) < 1e-12 and np.max(np.abs(evened(printed) - true)) < 10.0**-places
+    missing = np.delete(printed, 150)
+    assert evened(missing) is missing
+
+
 def test_long_recordings_are_cut_in_proportion():
     plant, recording = _recording(2000, 1, "zero_order")
     parts = shortened(plant, [recording, recording], 1000)
