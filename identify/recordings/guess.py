@@ -64,7 +64,8 @@ _EITHER = frozenset(["output", "out"])  # of a controller, which drives the plan
 _SENT = frozenset("duty pwm throttle esc servo cmd command".split())
 _PULSES = frozenset("pulse pulses width puls impuls impulso pulso".split())  # that, where its unit is a time
 _DRIVES = _SENT | frozenset(
-    "u input in drive voltage volt volts vin uin vm um uq vq force torque valve heater pump fan "
+    "u input in drive voltage volt volts vin uin vm um uq vq force torque valve heater pump fan relay switch heating "
+    "cooling compressor solenoid relais schalter heizung pumpe ventil "
     "power control ctrl actuator q1 q2 stell stellgrad stellgroesse spannung tension mv manipulated co op".split()
 )
 _ANSWERS = frozenset(
@@ -273,8 +274,9 @@ def _quantity(foreign: str, unit: str) -> str:
     words = _words(foreign)
     if words & _ACCELERATIONS and _converts(unit, "m/s^2"):
         return ""
+    others = words - {"w"} if words & _DRIVES else words  # the w of heater_w is no omega, but watts
     for called, names in _QUANTITIES:
-        if not words & called:
+        if not others & called:
             continue
         fits = [name for name in names if name and _converts(_unit_in(foreign, unit, unit_of(name)), unit_of(name))]
         if fits:

@@ -31,7 +31,7 @@ def refuse_without_direction(
     whole = table.with_states(table.states)
     held = dict(zip(whole.names, whole.columns, strict=True))
     pushes, read = held[drive.foreign], held[outputs[0].foreign]
-    if np.min(pushes) < 0.0 or not np.any(pushes):
+    if drive.drives <= 0 or np.min(pushes) < 0.0 or not np.any(pushes):
         return
 
     def left(signal: Array) -> float:

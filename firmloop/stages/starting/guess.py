@@ -38,7 +38,10 @@ _GOOD = 98.0  # % of fit from which no further kind is tried
 _ROWS = 8000  # of each recording that the kinds are compared on; `firmloop identify` takes them all
 _WIDER = 0.2  # of the recorded span, on either side of what the controller may see
 _STEPS_PER_LAG = 50.0  # of the controller, at most, where the recording is quicker
+_HERTZ = ("1/s", "s^-1", "s-1", "/s")
+_TURNS = 'taken as rad/s; of turns a second give unit = "rev/s"'
 _COUNTS = ", for it integrates as a position does; of counts give the scale 6.283185307 / counts a turn"
+_LAST = 1e-9  # of a value: what its last digit is printed to
 _QUICKER = 3.0  # times the plant's own lag, that the closed loop is asked for
 
 
@@ -186,8 +189,16 @@ def _loop(recordings: Sequence[Recording], drive: str, output: str) -> tuple[Sig
     return (
         Signal("reference", carried_unit(output), low, high),
         Signal("measurement", carried_unit(output), low, high),
-        Signal("output", carried_unit(drive), min(float(f"{sent[0]:.3g}"), 0.0), max(float(f"{sent[1]:.3g}"), 0.0)),
+        Signal("output", carried_unit(drive), min(_outwards(sent[0], -1), 0.0), max(_outwards(sent[1], 1), 0.0)),
     )
+
+
+def _outwards(value: float, way: int) -> float:
+    """Return a value with three digits, rounded up or down: what was recorded stays within."""
+    near = float(f"{value:.3g}")
+    if value == 0.0 or way * (near - value) >= -_LAST * abs(value):
+        return near
+    return float(f"{near + way * 10.0 ** (math.floor(math.log10(abs(value))) - 2):.3g}")
 
 
 def _span(recordings: Sequence[Recording], name: str) -> tuple[float, float]:
@@ -218,7 +229,8 @@ def _remarks(found: Guesses) -> dict[str, str]:
     used = [(each, bool(each.unit)) for each in (found.input, *found.outputs)]
     used += [(found.time, found.time.known)] if found.time else []
     why = {each.foreign: _COUNTS for each in found.outputs if each.name == POSITION and not each.quantity}
-    return {
+    turns = {each.foreign: _TURNS for each, _ in used if each.unit in _HERTZ and unit_of(each.name) == "rad/s"}
+    return turns | {
         each.foreign: f"no unit in the file: taken as {each.unit or unit_of(each.name)}{why.get(each.foreign, '')}"
         for each, told in used
         if unit_of(each.name) and not told and each.foreign in found.rename

@@ -28,7 +28,7 @@ from firmloop.identify.recordings.recording import Recording, read_raw, recordin
 from firmloop.identify.recordings.table import RawTable, to_numbers, told_words
 from firmloop.identify.recordings.wrapping import wraps_at_a_turn
 from firmloop.identify.simulation.linear_filter import filtered
-from firmloop.identify.units import unit_of
+from firmloop.identify.units import is_in, likely_unit, unit_of
 from firmloop.stages.starting.direction import refuse_without_direction
 from firmloop.stages.starting.unrolled import unrolled
 
@@ -47,6 +47,7 @@ _FREELY = (
     "; init cannot tell what moves by itself, as a free decay: write its project by hand, with {} as plant.input and "
     "the equations that you expect (kind ode, or a stage of a machine)"
 )
+_STEP = re.compile(r"(?i)(dt|delta_?t|d_?time|delta_?time|time_?step|time_?delta|interval)(?![a-z])")
 _CURES = 3  # that a file's clock may take one after the other: a counter that wraps, then lost digits
 
 
@@ -182,7 +183,13 @@ def _counts(column: Guessed, values: Array) -> bool:
 
 
 def _unnamed_clock(table: RawTable) -> str:
-    """Say how to name a column that rises evenly, as a clock does; empty where there is none."""
+    """Say what to make of a column that rises evenly, as a clock does, or holds steps of time; empty without one."""
+    for name, values in zip(table.names, table.columns, strict=True):
+        if _STEP.match(name) and np.min(values) > 0.0:
+            cure = "write its running sum into a column time_s"
+            if np.ptp(values) == 0.0 and is_in(unit := likely_unit(name, "s") or "s", "s"):
+                cure = f"give --period {values[0] * conversion(unit, 's', name).factor:g}"
+            return f"{name} seems to be the time from row to row: {cure}; else "
     steps = ((name, np.diff(values)) for name, values in zip(table.names, table.columns, strict=True))
     even = (name for name, each in steps if len(each) and 0.5 * np.max(each) < np.min(each))
     name = next(even, "")
@@ -238,6 +245,10 @@ def _pushed(moving: Sequence[Guessed], table: RawTable, levels: Collection[str])
     """
     if len(moving) == 2 and (followed := _followed(moving[0], moving[1], table)):
         return followed
+    if {each.quantity for each in moving} == {"voltage_V", "current_A"}:  # either of which may be what is set
+        set_ones = [each for each in moving if _held(table, each.foreign) > _HELD]
+        if len(set_ones) == 1:
+            return set_ones[0]
     best = max(
         moving,
         key=lambda each: (each.drives, each.foreign not in levels, each.known, _held(table, each.foreign)),

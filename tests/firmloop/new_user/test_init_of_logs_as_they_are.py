@@ -219,3 +219,60 @@ def test_counts_that_wrap_at_the_end_of_a_word_go_on(
     made = tomllib.loads(Path("log.toml").read_text())
     assert made["recordings"]["rename"]["enc"] == {"name": "position_rad", "wraps": 2.0**bits}
     assert made["plant"]["kind"] == "rotary_stage"
+
+
+@pytest.mark.parametrize(
+    ("column", "cure"),
+    [
+        ("dt_ms", "give --period 0.002;"),
+        ("dt", "write its running sum into a column time_s;"),
+    ],
+)
+def test_a_column_of_steps_of_time_is_told_with_its_cure(
+    column: str, cure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    apart = np.full(len(TIME), 2.0) if column == "dt_ms" else 2.0 + 0.1 * np.sin(np.arange(len(TIME)))
+    status, said = init_says(rows(f"{column},heater,temp_C", "{:.4f},{:.0f},{:.3f}".format, apart, POWER, HEAT), capsys)
+    assert status == 2 and f"{column} seems to be the time from row to row: {cure}" in said
+
+
+WANTED: dict[str, tuple[str, tuple[np.ndarray, ...], tuple[str, str], float]] = {  # header, columns, ends, gain
+    "watts by a small letter": ("t_s,heater_w,temp_c", (TIME, POWER, HEAT), ("heater_w", "temperature_C"), GAIN),
+    "what a battery is loaded with": (
+        "t_s,load_A,voltage_V",
+        (TIME, POWER, 12.6 - 0.08 * (HEAT - REST)),
+        ("current_A", "voltage_V"),
+        -0.08 * GAIN,
+    ),
+    "a relay beside another reading": (
+        "t_s,relay,temp_C,humidity",
+        (TIME, SWITCHED, HEAT_SWITCHED, 45.0 + 0.05 * np.random.default_rng(8).normal(size=len(TIME))),
+        ("relay", "temperature_C"),
+        80.0 * GAIN,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WANTED)
+def test_what_drives_is_told_from_what_answers(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    header, columns, ends, gain = WANTED[name]
+    form = ",".join(["{:.5g}"] * len(columns)).format
+    status, said = init_says(rows(header, form, *columns), capsys)
+    assert status == 0, said
+    plant = tomllib.loads(Path("log.toml").read_text())["plant"]
+    assert (plant["input"], *plant["outputs"]) == ends
+    assert plant["parameters"]["gain"]["value"] == pytest.approx(gain, rel=0.02)
+
+
+def test_the_range_of_the_output_holds_what_was_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    content = rows("t_s,heater,temp_C", "{:.0f},{:.3f},{:.3f}".format, TIME, 1.00314 * POWER, HEAT)
+    assert init_says(content, capsys)[0] == 0
+    made = tomllib.loads(Path("log.toml").read_text())["signals"]["output"]
+    assert made["low"] == 0.0 and 100.314 <= made["high"] <= 101.0
