@@ -33,13 +33,13 @@ from firmloop.diagnose.policy import (
     TRACE_SHARE,
     WIDER_RMS,
 )
-from firmloop.diagnose.search.anew import by_simulation, in_pieces
+from firmloop.diagnose.search.anew import by_simulation, floated, in_pieces
 from firmloop.diagnose.search.at_rest import rested
 from firmloop.diagnose.search.exchange import slimmer
 from firmloop.diagnose.search.exhaustive import exhausted
 from firmloop.diagnose.search.found import Progress, Search
 from firmloop.diagnose.search.late_sensor import retimed
-from firmloop.diagnose.search.simulation_error import independent, nearer, nearest, needed, strays
+from firmloop.diagnose.search.simulation_error import independent, nearer, nearest, needed, strays, unlike_noise
 from firmloop.diagnose.search.stepwise import further, levelled, pruned, settled
 from firmloop.identify.fitting.noise import colored, flat
 from firmloop.identify.simulation.course import LONGEST_CHANGE
@@ -61,6 +61,9 @@ def completed(found: Search, progress: Progress) -> tuple[Search, Shape | None]:
         if more is None or (rest is not None and rest.gain > shape.gain):
             break
         found, shape = more, rest
+    if unlike_noise(found.problem, found.best) and (other := floated(found)) is not None:
+        found = _resumed(other)
+        shape = best_shape(found, found.best)
     alone = _alone(found)
     shaped = outweighs(shape, found.best.noises, found.nominal.score - found.best.score)
     stuck = strays(found) or alone is not None or shaped or (not found.best.fitted.terms and rivals_noise(found))

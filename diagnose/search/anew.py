@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from firmloop.diagnose.model.candidate import Candidate, larger, rated
+from firmloop.diagnose.model.candidate import Candidate, larger, rated, without
 from firmloop.diagnose.model.fit import fit, noises_of
 from firmloop.diagnose.model.hypothesis import LibraryTerm, Point, Problem
 from firmloop.diagnose.policy import (
     CLEAR_GAIN,
     CLOSER_RMS,
+    EXCHANGE_PATIENCE,
     IMPOSSIBLE,
     MISFIT_SAMPLES,
     MOST_EFFECTS,
@@ -22,10 +23,12 @@ from firmloop.diagnose.policy import (
     ROWS_OF_A_PIECE,
     SEARCH_PATIENCE,
     STEPS_OF_A_FIT,
+    WORTH_A_REFIT,
 )
 from firmloop.diagnose.search.found import Progress, Search
+from firmloop.diagnose.search.round import screened, tried_beside
 from firmloop.diagnose.search.simulation_error import answers, nearer, unlike_noise
-from firmloop.diagnose.search.stepwise import accepted, further, search
+from firmloop.diagnose.search.stepwise import accepted, further, search, settled
 from firmloop.identify.fitting.noise import Noise, flat, oversized
 from firmloop.identify.recordings.recording import Recording
 from firmloop.identify.simulation.superset import Superset
@@ -112,6 +115,31 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
         return None
     candidate = accepted(problem, candidate)
     return replace(found, best=candidate, rounds=(*found.rounds, (candidate,)), gains=(base.score - candidate.score,))
+
+
+def floated(found: Search) -> Search | None:
+    """Return a search whose best has in the place of an effect what explains clearly more; None where nothing does.
+
+    What was found first may hide what it is not: beside the rest without it, every term is screened anew (floating
+    search: Pudil, Novovicova & Kittler 1994).
+    """
+    problem, until, gone_on = found.problem, found.problem.engine.steps + EXCHANGE_PATIENCE, None
+    while len(found.best.fitted.terms) > 1 and problem.engine.steps < until:
+        best, tried = found.best, list[Candidate]()
+        for gone in best.fitted.terms:
+            if problem.engine.steps > until:
+                break
+            fitted = fit(problem, problem.train, *without(best.fitted, gone), best.noises, STEPS_OF_A_FIT)
+            rest, others = rated(problem, fitted), tuple(each for each in problem.terms if each != gone)
+            opened = replace(problem, terms=others)
+            tried += tried_beside(opened, rest, screened(opened, rest), (), WORTH_A_REFIT)
+        instead = min(tried, key=lambda each: each.score, default=best)
+        if best.score - instead.score < CLEAR_GAIN or larger(instead, best):
+            break
+        gains = (*found.gains[:-1], found.gains[-1] + best.score - instead.score)
+        rounds = (*found.rounds, tuple(sorted(tried, key=lambda each: each.score)))
+        found = gone_on = settled(replace(found, best=accepted(problem, instead), rounds=rounds, gains=gains))
+    return gone_on
 
 
 def _cut(recordings: Sequence[Recording]) -> tuple[Recording, ...]:

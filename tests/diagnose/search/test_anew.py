@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 import firmloop.diagnose.run as run
 from firmloop.diagnose.discrepancy.fit import Shape
-from firmloop.diagnose.model.candidate import rated
+from firmloop.diagnose.model.candidate import extended, rated
 from firmloop.diagnose.model.fit import fit
 from firmloop.diagnose.model.hypothesis import Point
+from firmloop.diagnose.search.anew import floated
 from firmloop.diagnose.search.found import Progress, Search
-from tests.diagnose.cases import black_box_project, said_of
+from firmloop.diagnose.search.from_given import nominal_fit
+from firmloop.diagnose.search.harmless import as_identified
+from tests.diagnose.cases import black_box_project, problem_of, said_of
 
 Array = NDArray[np.float64]
 
@@ -103,3 +106,40 @@ def test_what_a_search_led_astray_has_found_gives_way_to_what_simulates_nearer(
     (tmp_path / "project.toml").write_text(text, encoding="utf-8")
     said = said_of(tmp_path / "project.toml")
     assert "coulomb_friction" in {each["name"] for each in said["effects"]}, said["says"]
+
+
+CART = (
+    black_box_project("linear_stage", "force_N", "speed_m_s", ("log.csv",))
+    + "[plant.parameters]\nmass_kg = { value = 12.0, free = true }\nb_N_s_m = { value = 30.0, free = true }\n"
+)
+
+
+def carted(folder: Path) -> Path:
+    """Log a cart on a spring of 84 N/m by a sensor that shows no more than 0.23 m/s; return the project."""
+    random, time = np.random.default_rng(6), np.arange(0.0, 6.0, 5e-3)
+    drive, place, speed, read = 30.0 * np.sin(2.0 * np.pi * (0.3 + 0.25 * time) * time), 0.0, 0.0, []
+    for force in drive:
+        read.append(np.clip(speed, -0.23, 0.23) + random.normal(0.0, 2e-3))
+        for _ in range(10):
+            speed += 5e-4 * (force - 30.0 * speed - 84.0 * place) / 12.0
+            place += 5e-4 * speed
+    table = np.column_stack([time, drive, read])
+    np.savetxt(folder / "log.csv", table, delimiter=",", header="time_s,force_N,speed_m_s", comments="")
+    (folder / "project.toml").write_text(CART, encoding="utf-8")
+    return folder / "project.toml"
+
+
+def test_what_was_found_first_gives_way_to_what_explains_far_more_beside_the_rest(tmp_path: Path) -> None:
+    """A drag stood for the spring, and beside it and a sensor's limit nothing else was found."""
+    problem = problem_of(carted(tmp_path))
+    nominal = nominal_fit(problem, as_identified(problem.plant, problem.train))
+    wrong = nominal
+    for name in ("quadratic_drag", "sensor_saturation of speed_m_s"):
+        (term,) = (each for each in problem.terms if each.label == name)
+        begin = extended(wrong.fitted, term, problem.starts[name][0])
+        wrong = rated(problem, fit(problem, problem.train, *begin, wrong.noises, 24))
+    found = Search(problem, nominal, wrong, (), (), (nominal.score - wrong.score,))
+    right = floated(found)
+    assert right is not None
+    assert set(right.best.fitted.names) == {"sensor_saturation", "return_spring"}
+    assert floated(right) is None
