@@ -78,7 +78,7 @@ def _answers(search: Search, lefts: Sequence[Array]) -> list[bool]:
     drives = [each.columns[refit.inputs[0].name] for each in problem.train]
     still = [float(np.mean(np.diff(drive) == 0.0)) > HELD_INPUT for drive in drives]
     given = {k: left for k, left in enumerate(lefts) if still[k] or not made_from(drives[k], left)}
-    return answered(problem, refit, given) if given else []
+    return answered(problem, refit, given, not unlike_noise(problem, search.nominal)) if given else []
 
 
 def made_from(drive: Array, left: Array) -> bool:

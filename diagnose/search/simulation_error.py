@@ -31,9 +31,7 @@ def strays(found: Search) -> bool:
 
 def unlike_noise(problem: Problem, candidate: Candidate) -> bool:
     """Tell whether an explanation leaves more than noise may be, or far more of some output than its sensor's own."""
-    residuals = candidate.fitted.residuals
-    sensors = np.array(sensor_noises(residuals, problem.floors))
-    return oversized(candidate.noises) or bool(np.any(rms_of(residuals) > COLORED_SENSOR * sensors))
+    return oversized(candidate.noises) or beyond_sensors(problem, candidate.fitted.residuals)
 
 
 def misfits(search: Search) -> bool:
@@ -52,7 +50,7 @@ def _answers_of(search: Search) -> list[bool]:
     """Tell of each recording whether the input explains some of what the best leaves; of none where no one input is."""
     if search.refit is None or len(search.refit.inputs) != 1:
         return []
-    return answered(search.problem, search.refit, dict(enumerate(search.best.fitted.residuals)))
+    return answered(search.problem, search.refit, dict(enumerate(search.best.fitted.residuals)), noisy=False)
 
 
 def mostly(answers: Sequence[bool]) -> bool:
@@ -60,14 +58,25 @@ def mostly(answers: Sequence[bool]) -> bool:
     return 2 * sum(answers) > len(answers)
 
 
-def answered(problem: Problem, refit: Plant, lefts: Mapping[int, Array]) -> list[bool]:
-    """Tell of recordings, by their places, whether the input explains some of what is left (n, r) of any output."""
-    plant, found = with_effects(refit, ()), []
+def answered(problem: Problem, refit: Plant, lefts: Mapping[int, Array], noisy: bool) -> list[bool]:
+    """Tell of recordings, by their places, whether the input explains some of what is left (n, r) of any output.
+
+    `noisy` where that may be noise, see `explained_share`. What is far more than its sensors' noise where no input
+    changes is a machine's own motion: it answers its start.
+    """
+    plant, found, drive = with_effects(refit, ()), [], refit.inputs[0].name
     for k, left in lefts.items():
         if np.all(np.isfinite(left)):
-            given = features(plant, problem.train[k], outputs_of(problem, problem.train[k]) - left)
-            found.append(any(answering(column, given) > 0.0 for column in left.T))
+            recording = problem.train[k]
+            given = features(plant, recording, outputs_of(problem, recording) - left)
+            own = np.ptp(recording.columns[drive]) == 0.0 and beyond_sensors(problem, [left])
+            found.append(own or any(answering(column, given, noisy) > 0.0 for column in left.T))
     return found
+
+
+def beyond_sensors(problem: Problem, residuals: Sequence[Array]) -> bool:
+    """Tell whether residuals (n, r) of several recordings are far more than the own noise of some output's sensor."""
+    return bool(np.any(rms_of(residuals) > COLORED_SENSOR * np.array(sensor_noises(residuals, problem.floors))))
 
 
 def independent(residuals: Sequence[Array]) -> tuple[Noise, ...]:

@@ -166,9 +166,9 @@ def _size(values: Array) -> float:
     return float(np.max(np.abs(values))) or 1.0
 
 
-def answering(residual: Array, given: Columns) -> float:
+def answering(residual: Array, given: Columns, noisy: bool = True) -> float:
     """Return which share of a residual (n,) the features (n, f) explain, where that is worth a word; else 0."""
-    return explained_share(residual, given, _SHARE)
+    return explained_share(residual, given, _SHARE, noisy)
 
 
 def _as_loud(values: Array, noise: Noise) -> Callable[[Array], Array]:
@@ -189,10 +189,11 @@ def _as_loud(values: Array, noise: Noise) -> Callable[[Array], Array]:
     return lambda noisy: np.fft.irfft(louder * np.fft.rfft(noisy), len(values))
 
 
-def explained_share(residual: Array, given: Columns, least: float) -> float:
+def explained_share(residual: Array, given: Columns, least: float, noisy: bool = True) -> float:
     """Return which share of a residual (n,) the features (n, f) explain beyond chance, if it is more than `least`.
 
     0 where it is not, or chance is enough; chance, which only takes of a share, is asked last: it takes the longest.
+    Noise as slow as 1/f is chance only where the residual may be noise at all, `noisy`.
     """
     away = residual - residual.mean()
     power = float(away @ away)
@@ -225,7 +226,7 @@ def explained_share(residual: Array, given: Columns, least: float) -> float:
         return more if far > _BEYOND and more > least else 0.0
 
     as_fitted = beyond(lambda drawn: drawn)
-    return as_fitted and min(as_fitted, beyond(_as_loud(away, noises[0])))
+    return min(as_fitted, beyond(_as_loud(away, noises[0]))) if as_fitted and noisy else as_fitted
 
 
 CHECK = Check("structure", look, (), True)
