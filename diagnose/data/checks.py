@@ -20,6 +20,7 @@ from firmloop.identify.recordings.stillness import moves
 from firmloop.identify.simulation.at_rest import switched_on
 from firmloop.identify.simulation.linear_filter import integrated
 from firmloop.identify.simulation.simulate import course_of, drive_of, measured, simulator
+from firmloop.identify.simulation.superset import comes_back
 
 Array = NDArray[np.float64]
 
@@ -268,6 +269,10 @@ def _untestable(plant: Plant, train: Sequence[Recording]) -> Mapping[str, str]:
             for effect in effects().values():
                 if effect.regime == "reversal":
                     found[effect.name] = "the speed never reverses, so friction and a constant load look alike"
+    if not comes_back(train):
+        for effect in effects().values():
+            if effect.regime == "way back":
+                found[effect.name] = "the place is not read and never comes back, so that a spring looks like a drift"
     if float(np.max(np.abs(np.diff(drives)))) <= 0.02 * float(np.ptp(drives)):
         for effect in effects().values():
             if effect.regime == "quick input":

@@ -173,6 +173,7 @@ class Scales:
     other_way: float  # largest size of the input on the side where that is smaller
     least: float  # size that the input is never below; 0 where it goes both ways
     level: float  # of the state an overflow acts on
+    comes_back: bool = True  # whether a place that nobody reads does; where it only grows, it is as a time
     switched: tuple[float, ...] = ()  # s, the moments at which an input changes, where it does so twice at the most
 
     def times(self, rows: float) -> tuple[float, ...]:
@@ -255,13 +256,13 @@ class Effect:
     force is zero but where bodies touch, and the simulator finds the moment. `fits(plant)` replaces the question
     whether the plant has such a place, where another decides. `straight`: what it makes of a reading has a slope at
     rest. `remembers` names its function that keeps where the motion last turned round. `regime` is what recordings must
-    hold to show it: `reversal` (both directions of motion) or `quick input`, blank for nothing in particular. `seen_by`
-    is what finds it before any fit, blank for nothing: `wraps`, `steps` or `folds` of a reading; `moment`, at which a
-    torque comes; `order` or `order of effort`, how often per turn a torque repeats, by itself or in proportion to the
-    drive's; `turn`, that it does so once. `per_recording` is what a project calls its parameter where each recording
-    has its own, before the place; blank where it is called by its full name. `undo(values, reading)` is what a reading
-    was before it, None where that cannot be told. `anywhere`: a balance of what does not move may have it, too, as of
-    a level; other torques are not looked for there.
+    hold to show it: `reversal` (both directions of motion), `way back` or `quick input`, blank for nothing in
+    particular. `seen_by` is what finds it before any fit, blank for nothing: `wraps`, `steps` or `folds` of a reading;
+    `moment`, at which a torque comes; `order` or `order of effort`, how often per turn a torque repeats, by itself or
+    in proportion to the drive's; `turn`, that it does so once. `per_recording` is what a project calls its parameter
+    where each recording has its own, before the place; blank where it is called by its full name. `undo(values,
+    reading)` is what a reading was before it, None where that cannot be told. `anywhere`: a balance of what does not
+    move may have it, too, as of a level; other torques are not looked for there.
     """
 
     name: str

@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 _STRETCH = "clock_skew.ratio"  # by which a slow clock stretches the time between readings
 _PIECES = 100  # of a recording, over which an acceleration is seen
 _CHANGES = 0.01  # of the largest input: less from row to row is no change
+_BACK = 0.05  # of the way there
 _FEW_CHANGES = 2  # of the input, in a recording: on and off
 
 
@@ -236,7 +237,7 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         see("current", states @ assembly.current_x + course.drive @ assembly.current_u)
         see("effort", efforts(bare, engine, assembly, states, course.drive, constants))
         if not np.any(course.drive):  # what moves by itself is driven by what slows it down
-            see("freely", _accelerations(recording, states, assembly.speed, assembly.position, known))
+            see("freely", _slowing(recording, states, assembly.speed, assembly.position, known))
         flowing = bare.balances[balance].current if balance >= 0 else None
         bent = balance >= 0 and not np.any(assembly.forms.balances[balance].current)
         if flowing is not None and (bent or bare.balances[balance].inside):
@@ -283,11 +284,28 @@ def scales_of(plant: Plant, recordings: Sequence[Recording], output: int, balanc
         least=0.0 if other_way > 0.0 else least,
         level=sizes.get("level", 1.0),
         switched=tuple(changes) if len(changes) <= _FEW_CHANGES * len(recordings) else (),
+        comes_back=comes_back(recordings),
     )
 
 
-def _accelerations(recording: Recording, states: Array, speed: int, position: int, known: Sequence[bool]) -> Array:
-    """Return the accelerations (n,) of a body, by recorded speed or position; smoothed, for noise has larger ones."""
+def comes_back(recordings: Sequence[Recording]) -> bool:
+    """Tell whether the place, by its speed, comes back a share of its way in a recording; so it does if it is read."""
+    for recording in recordings:
+        speed = next((column for name, column in recording.columns.items() if name.startswith("speed_")), None)
+        if speed is None or any(name.startswith("position_") for name in recording.columns):
+            return True
+        way = integrated(speed, recording.time)
+        back = min(np.max(np.maximum.accumulate(way) - way), np.max(way - np.minimum.accumulate(way)))
+        if back > _BACK * np.ptp(way):
+            return True
+    return False
+
+
+def _slowing(recording: Recording, states: Array, speed: int, position: int, known: Sequence[bool]) -> Array:
+    """Return by how much a body slows down (1,), by its recorded speed or position: its fastest, half by half.
+
+    What swings is turned round all the time by what slows nothing down.
+    """
     width = max(len(recording.time) // _PIECES, 3)
     if speed >= 0 and known[speed]:
         moved = states[:, speed]
@@ -295,7 +313,8 @@ def _accelerations(recording: Recording, states: Array, speed: int, position: in
         moved = np.gradient(scipy.ndimage.uniform_filter1d(states[:, position], width), recording.time)
     else:
         return np.zeros(1)
-    return np.asarray(np.gradient(scipy.ndimage.uniform_filter1d(moved, width), recording.time))
+    first, last = (np.max(np.abs(half)) for half in np.array_split(scipy.ndimage.uniform_filter1d(moved, width), 2))
+    return np.array([2.0 * (first - last) / (recording.time[-1] - recording.time[0])])
 
 
 def efforts(

@@ -32,20 +32,29 @@ d_N_m_s_rad = {{ value = {damping}, free = true }}
 """
 
 
-def _swing(folder: Path, stiffness: float, friction: float, pendulum: bool, rows: int, step: float) -> Path:
-    """Leave a swing from 0.7 rad with a viscous torque of 2e-3 N m s/rad and a dry one (N m), by steps of 1/40 row."""
-    rng, angle, speed, read = np.random.default_rng(9), 0.7, 0.0, []
+def _swing(
+    folder: Path,
+    stiffness: float,
+    friction: float,
+    pendulum: bool,
+    rows: int,
+    step: float,
+    angle: float = 0.7,
+    viscous: float = 2e-3,
+) -> Path:
+    """Leave a swing from an angle with a viscous torque (N m s/rad) and a dry one (N m), by steps of 1/40 row."""
+    rng, speed, read = np.random.default_rng(9), 0.0, []
     for _ in range(rows):
         read.append(angle + rng.normal(0.0, 1e-3))
         for _ in range(40):
             pulled = stiffness * (np.sin(angle) if pendulum else angle)
-            speed -= step / 40 / INERTIA * (pulled + 2e-3 * speed + friction * np.tanh(speed / 3e-3))
+            speed -= step / 40 / INERTIA * (pulled + viscous * speed + friction * np.tanh(speed / 3e-3))
             angle += step / 40 * speed
     table = np.column_stack([step * np.arange(rows), np.zeros(rows), read])
     head = "time_s,torque_N_m,angle_rad"
     np.savetxt(folder / "swing.csv", table, delimiter=",", header=head, comments="", fmt="%.5f")
     pulled = "sin(angle_rad)" if pendulum else "angle_rad"
-    text = PROJECT.format(pulled=pulled, stiffness=0.92 * stiffness, damping=1.4e-3)
+    text = PROJECT.format(pulled=pulled, stiffness=0.92 * stiffness, damping=0.7 * viscous)
     (folder / "project.toml").write_text(text, encoding="utf-8")
     return folder / "project.toml"
 
@@ -66,3 +75,11 @@ def test_a_free_swing_tells_its_dry_friction(
     assert said["verdict"] == ("explained" if friction else "no_mismatch")
     if friction:
         assert said["effects"][0]["parameters"]["torque_N_m"]["value"] == pytest.approx(friction, rel=0.02)
+
+
+@pytest.mark.parametrize(("angle", "rows"), [(2.3, 800), (1.2, 600)], ids=["far: a cogging", "near: no mismatch"])
+def test_a_friction_far_below_what_turns_a_swing_round_is_told(angle: float, rows: int, tmp_path: Path) -> None:
+    """Two hundredths of what pulls it back: a fit began at many times that, where the swing stood still at once."""
+    said = said_of(_swing(tmp_path, 0.3, 1.35e-3, True, rows, 0.02, angle, 2.6e-4))
+    assert [each["name"] for each in said["effects"]] == ["coulomb_friction"], said["says"]
+    assert said["effects"][0]["parameters"]["torque_N_m"]["value"] == pytest.approx(1.35e-3, rel=0.02)

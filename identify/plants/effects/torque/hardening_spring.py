@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from firmloop.identify.plants.assembly import Assembly, ringing
 from firmloop.identify.plants.effect import Effect, EffectParameter, Holding, Scales, Site, size
+from firmloop.identify.plants.effects.torque.return_spring import possible
 
 
 def parameters(site: Site) -> tuple[EffectParameter, ...]:
@@ -53,5 +54,7 @@ EFFECT = Effect(
     switches=(0,),
     holding=holding,
     coordinate="position cubed",
+    possible=possible,
+    regime="way back",
     slow=True,
 )

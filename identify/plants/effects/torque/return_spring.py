@@ -16,6 +16,11 @@ def starts(site: Site, scales: Scales) -> tuple[tuple[float, ...], ...]:
     return ((0.1 * scales.effort / scales.travel,), (1.0 * scales.effort / scales.travel,))
 
 
+def possible(site: Site, scales: Scales) -> bool:
+    """Tell whether the machine comes back: what it winds up for ever is a load that grows with time."""
+    return scales.comes_back
+
+
 def attach(assembly: Assembly, site: Site, values: tuple[float, ...]) -> None:
     """Add it to a simulation."""
     assembly.a[assembly.speed, assembly.position] -= assembly.per[site.balance] * values[0]
@@ -43,5 +48,7 @@ EFFECT = Effect(
     switches=(0,),
     holding=holding,
     coordinate="position",
+    possible=possible,
+    regime="way back",
     slow=True,
 )
