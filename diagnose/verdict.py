@@ -54,6 +54,9 @@ from firmloop.identify.plants.plant import Plant
 Array = NDArray[np.float64]
 
 
+_MET = "the recordings are met with"
+
+
 def judge(search: Search, checks: Preflight, shape: Shape | None) -> tuple[Finding, Shape | None]:
     """Choose the verdict and write it down; with it what has no name, where that is the verdict and simulates better.
 
@@ -123,10 +126,14 @@ def spoiled(finding: Finding) -> Finding:
         "plain refit, or what was left out of the fit no nearer, or by less than it still misses; the written project "
         "therefore is the refit."
     )
-    others = tuple(line for line in finding.says if line.startswith(("Seen where", "Note:")))
+    notes = tuple(note for note in finding.notes if not note.startswith(_MET))  # by what is not written
+    others = tuple(
+        line for line in finding.says if line.startswith(("Seen where", *(f"Note: {note}" for note in notes)))
+    )
     train = replace(finding.train, after=finding.train.refit)
     test = None if finding.test is None else replace(finding.test, after=finding.test.refit)
-    none = replace(finding, effects=(), alternatives=(), train=train, test=test)
+    shifts = tuple(replace(shift, after=shift.refit) for shift in finding.shifts)
+    none = replace(finding, effects=(), alternatives=(), train=train, test=test, notes=notes, shifts=shifts)
     return replace(none, verdict="unknown_physics", says=(said, *others))
 
 
@@ -362,7 +369,7 @@ def _far_from_given(plant: Plant, shifts: Sequence[Shift], spread: Mapping[str, 
         return []  # they may have moved to imitate what has no name
     fitted = {each.name for each in plant.parameters if each.deviation is not None}  # by identify: nobody gave them
     return [
-        f"the recordings are met with {' '.join(filter(None, (f'{each.name} = {each.after:.3g}', each.unit)))}, "
+        f"{_MET} {' '.join(filter(None, (f'{each.name} = {each.after:.3g}', each.unit)))}, "
         f"{each.after / each.given:.2g} times what the project gives; check its value and "
         f"{'sign' if each.after / each.given < 0.0 else 'unit'}"
         for each in shifts

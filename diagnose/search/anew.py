@@ -118,7 +118,7 @@ def in_pieces(found: Search, progress: Progress) -> Search | None:
 
 
 def floated(found: Search) -> Search | None:
-    """Return a search whose best has in the place of an effect what explains clearly more; None where nothing does.
+    """Return a search whose best has in the place of an effect what simulates far nearer; None where nothing does.
 
     What was found first may hide what it is not: beside the rest without it, every term is screened anew (floating
     search: Pudil, Novovicova & Kittler 1994).
@@ -134,7 +134,8 @@ def floated(found: Search) -> Search | None:
             opened = replace(problem, terms=others)
             tried += tried_beside(opened, rest, screened(opened, rest), (), WORTH_A_REFIT)
         instead = min(tried, key=lambda each: each.score, default=best)
-        if best.score - instead.score < CLEAR_GAIN or larger(instead, best):
+        far = best.score - instead.score > CLEAR_GAIN and nearer(instead.fitted, best.fitted, CLOSER_RMS)
+        if not far or larger(instead, best):
             break
         gains = (*found.gains[:-1], found.gains[-1] + best.score - instead.score)
         rounds = (*found.rounds, tuple(sorted(tried, key=lambda each: each.score)))
