@@ -53,7 +53,6 @@ from firmloop.identify.plants.plant import Plant
 
 Array = NDArray[np.float64]
 
-
 _MET = "the recordings are met with"
 
 

@@ -167,7 +167,7 @@ def _converted(rule: Column, foreign: str, printed: str, values: Array, file: st
                 "and scale: correct it in [recordings.rename]"
             )
         way = -1.0 if rule.scale < 0.0 and rule.name == "time_s" else 1.0  # of a timer that counts down
-        values = way * _unwrapped(way * values, rule.wraps, rule.name == "time_s")
+        values = way * going_on(way * values, rule.wraps, rule.name == "time_s")
     if rule.scale != 1.0 or rule.offset != 0.0:
         values = values * rule.scale + rule.offset
     unit = rule.unit or printed
@@ -204,7 +204,7 @@ def _agree(printed: str, wanted: str) -> bool:
         return False
 
 
-def _unwrapped(values: Array, wraps: float, is_time: bool) -> Array:
+def going_on(values: Array, wraps: float, is_time: bool) -> Array:
     """Add `wraps` at each fall of a clock; of a signal, which goes both ways, at each jump of more than half of it."""
     steps = np.diff(values)
     turns = -np.floor(steps / wraps) if is_time else -np.round(steps / wraps)

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from firmloop.identify.recordings.columns import going_on
 from firmloop.identify.recordings.guess import Guessed
 from firmloop.identify.recordings.table import RawTable
 from firmloop.identify.recordings.wrapping import TURN, wrapping
@@ -24,7 +25,8 @@ def unrolled(table: RawTable, moving: Sequence[Guessed]) -> tuple[RawTable, Mapp
     free = [each.foreign for each in moving if not each.unit and not each.quantity]
     wraps = {name: size for name in free if (size := _word(held[name]))}
     columns = tuple(
-        _going_on(column, wraps.get(name, 0.0)) for name, column in zip(table.names, table.columns, strict=True)
+        going_on(column, wraps[name], is_time=False) if name in wraps else column
+        for name, column in zip(table.names, table.columns, strict=True)
     )
     return replace(table, columns=columns), wraps
 
@@ -36,8 +38,3 @@ def _word(values: Array) -> float:
         return 0.0
     bits = round(math.log2(found[0]))
     return 2.0**bits if _BITS[0] <= bits <= _BITS[1] and abs(found[0] / 2.0**bits - 1.0) < TURN else 0.0
-
-
-def _going_on(values: Array, wraps: float) -> Array:
-    steps = np.round(np.diff(values) / wraps) if wraps else np.zeros(0)
-    return values - wraps * np.concatenate([[0.0], np.cumsum(steps)]) if wraps else values

@@ -186,7 +186,7 @@ def _as_loud(values: Array, noise: Noise) -> Callable[[Array], Array]:
     for k in range(len(allowed) - 2, -1, -1):
         allowed[k] = max(drawn[k], min(power[k], 2.0 * allowed[k + 1]))
     louder = np.sqrt(allowed / drawn)[octave]
-    return lambda noisy: np.fft.irfft(louder * np.fft.rfft(noisy), len(values))
+    return lambda each: np.fft.irfft(louder * np.fft.rfft(each), len(values))
 
 
 def explained_share(residual: Array, given: Columns, least: float, noisy: bool = True) -> float:

@@ -20,6 +20,16 @@ def quoted_cells(line: str, delimiter: str) -> list[str]:
         return [line]
 
 
+def split_cells(line: str, mark: str) -> list[str]:
+    """Split a line at its marks, but for those within quotes."""
+    return quoted_cells(line, mark) if '"' in line else line.split(mark)
+
+
+def bare_cells(line: str, mark: str) -> list[str]:
+    """Split a line into cells without the blanks and the quotes around them."""
+    return [bare(cell) for cell in split_cells(line, mark)]
+
+
 def grouped(mark: str) -> str:
     """Return the pattern of a whole number with one mark for thousands, such as 12,345; a + behind it takes more.
 

@@ -15,7 +15,7 @@ from firmloop.identify.recordings.columns import called_a_time
 from firmloop.identify.recordings.groups import Group, table_of_groups
 from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.recordings.text.calendar_stamps import with_seconds
-from firmloop.identify.recordings.text.cells import bare, is_number, quoted_cells
+from firmloop.identify.recordings.text.cells import bare_cells, is_number
 from firmloop.identify.recordings.text.lines import Lines
 from firmloop.identify.recordings.text.states import value_of
 from firmloop.identify.recordings.ticks import tick_of
@@ -38,7 +38,7 @@ def read_long(lines: Lines) -> RawTable | Misread | None:
     if found is None:
         return None
     first, mark, head, places = found
-    cut = (row for line in islice(lines, first + 1, None) if len(row := _cells(line, mark)) == len(head))
+    cut = (row for line in islice(lines, first + 1, None) if len(row := bare_cells(line, mark)) == len(head))
     picked = [[row[k] for k in places] for row in cut if row != head]
     if len(picked) < 2 * _FEWEST or len({row[1] for row in picked}) > _MOST:
         return None
@@ -70,7 +70,7 @@ def read_long(lines: Lines) -> RawTable | Misread | None:
 def _header(place: int, line: str) -> tuple[int, str, list[str], list[int]] | None:
     """Return the index of a header, the mark between its cells, these, and where time, name, value and unit stand."""
     for mark in "\t;|,":
-        head = _cells(line, mark)
+        head = bare_cells(line, mark)
         words = [cell.lower() for cell in head]
         times = [k for k, word in enumerate(words) if called_a_time(word)] or _of(words, _CHANGED)
         names, values = _of(words, _NAMES), _of(words, _VALUES)
@@ -81,10 +81,6 @@ def _header(place: int, line: str) -> tuple[int, str, list[str], list[int]] | No
 
 def _of(words: Sequence[str], wanted: frozenset[str]) -> list[int]:
     return [k for k, word in enumerate(words) if word in wanted]
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    return [bare(cell) for cell in (quoted_cells(line, mark) if '"' in line else line.split(mark))]
 
 
 def _group(name: str, rows: list[tuple[float, str, str]], second: float) -> Group | None:

@@ -7,7 +7,7 @@ import re
 from firmloop.identify.error import IdentifyError
 from firmloop.identify.printed_units import conversion, is_unit
 from firmloop.identify.recordings.table import Misread
-from firmloop.identify.recordings.text.cells import bare, is_number, quoted_cells
+from firmloop.identify.recordings.text.cells import bare_cells, is_number
 from firmloop.identify.recordings.text.lines import Lines, last_filled
 
 _MARKS = ("\t", ";", "|", ",")
@@ -83,7 +83,7 @@ def _in_unit(number: str, unit: str, wanted: str) -> str:
 def _cells(line: str, mark: str) -> list[str]:
     if mark == " ":
         return _APART.sub("", line).split()
-    return [bare(cell) for cell in (quoted_cells(line, mark) if '"' in line else line.split(mark))]
+    return bare_cells(line, mark)
 
 
 def _quoted(cell: str, mark: str) -> str:

@@ -15,7 +15,7 @@ from firmloop.identify.recordings.columns import tells_time
 from firmloop.identify.recordings.groups import Group, Vector, table_of_groups
 from firmloop.identify.recordings.table import Misread, RawTable
 from firmloop.identify.recordings.text.calendar_stamps import with_seconds
-from firmloop.identify.recordings.text.cells import bare, is_number, quoted_cells
+from firmloop.identify.recordings.text.cells import bare_cells, is_number
 from firmloop.identify.recordings.text.lines import Lines
 
 _LOOKED, _FEWEST = 50, 3  # rows that are looked at first; values that make a column
@@ -26,12 +26,12 @@ def read_sparse(lines: Lines) -> RawTable | Misread | None:
     """Return the columns on common instants, None where no column is that empty, or something else is in a row."""
     said = [line for line in islice(lines, _LOOKED) if line.strip()]
     mark = next((each for each in "\t;|," if said and said[0].count(each) > 1), "")
-    head = _cells(said[0], mark) if mark else []
-    rows = [_cells(line, mark) for line in said[1:]] if mark else []
+    head = bare_cells(said[0], mark) if mark else []
+    rows = [bare_cells(line, mark) for line in said[1:]] if mark else []
     if any(map(is_number, head)) or not all(head) or not any("" in row for row in rows):
         return None
     seconds, told, stamped = with_seconds(lines)
-    found = [_cells(line, mark) for line in seconds if line.strip()][1:]
+    found = [bare_cells(line, mark) for line in seconds if line.strip()][1:]
     if any(len(row) != len(head) for row in found):
         return None
     texts = [tuple(cell.replace(",", ".") for cell in column) for column in zip(*found, strict=True)]
@@ -71,7 +71,3 @@ def _words_of(column: Sequence[str]) -> str:
     """Say what a column without a number holds; empty where it has one."""
     said = next(filter(None, column), "")
     return "" if any(map(is_number, column)) else f"holds {said[:20]!r}" if said else "is empty"
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    return [bare(cell) for cell in (quoted_cells(line, mark) if '"' in line else line.split(mark))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import islice
 
-from firmloop.identify.recordings.text.cells import bare, quoted_cells
+from firmloop.identify.recordings.text.cells import bare, split_cells
 from firmloop.identify.recordings.text.lines import Lines, last_filled
 
 _PAIRS = (  # the first of each is 1
@@ -32,14 +32,14 @@ def with_states(lines: Lines) -> tuple[Lines, dict[int, tuple[str, str]]]:
     """Return the lines with numbers in such columns; of each, by its place, what it holds and how that is read."""
     last = next(iter(last_filled(lines.text, 1)), "")
     mark = next((each for each in _MARKS if each in last), "")
-    cells = _cells(last, mark) if mark else []
+    cells = split_cells(last, mark) if mark else []
     places = [k for k, cell in enumerate(cells) if bare(cell).lower() in _WORDS]
     if not places:
         return lines, {}
     found: dict[int, set[str]] = {k: set() for k in places}
     first = _first_row(lines, mark, len(cells), places)
     for line in islice(lines, first, None):
-        row = _cells(line, mark)
+        row = split_cells(line, mark)
         for k in places if len(row) == len(cells) else ():
             found[k].add(bare(row[k]).lower())
     values = {k: value for k, words in found.items() if (value := value_of(words))}
@@ -47,7 +47,7 @@ def with_states(lines: Lines) -> tuple[Lines, dict[int, tuple[str, str]]]:
         return lines, {}
 
     def in_numbers(line: str) -> str:
-        row = _cells(line, mark)
+        row = split_cells(line, mark)
         if len(row) != len(cells) or any(bare(row[k]).lower() not in value for k, value in values.items()):
             return line
         made = [str(values[k][bare(cell).lower()]) if k in values else cell for k, cell in enumerate(row)]
@@ -63,11 +63,7 @@ def with_states(lines: Lines) -> tuple[Lines, dict[int, tuple[str, str]]]:
 def _first_row(lines: Lines, mark: str, width: int, places: list[int]) -> int:
     """Return the index of the first line that has a state in every one of these places: those above are no rows."""
     for k, line in enumerate(lines):
-        row = _cells(line, mark)
+        row = split_cells(line, mark)
         if len(row) == width and all(bare(row[place]).lower() in _WORDS for place in places):
             return k
     return 0
-
-
-def _cells(line: str, mark: str) -> list[str]:
-    return quoted_cells(line, mark) if '"' in line else line.split(mark)

@@ -6,7 +6,7 @@ import re
 from functools import partial
 
 from firmloop.identify.recordings.table import Misread
-from firmloop.identify.recordings.text.cells import grouped, quoted_cells
+from firmloop.identify.recordings.text.cells import grouped, split_cells
 from firmloop.identify.recordings.text.lines import Lines
 
 _BLANK = "[ \u00a0\u2009\u202f]"
@@ -107,4 +107,4 @@ def _is_no_number(cell: str) -> bool:
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
-    return [cell.strip() for cell in (quoted_cells(line, delimiter) if '"' in line else line.split(delimiter))]
+    return [cell.strip() for cell in split_cells(line, delimiter)]

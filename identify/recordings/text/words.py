@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from firmloop.identify.recordings.text.cells import is_number, quoted_cells
+from firmloop.identify.recordings.text.cells import is_number, split_cells
 from firmloop.identify.recordings.text.lines import Lines
 
 _MARKS = ("\t", ";", "|", ",", " ")
@@ -76,7 +76,7 @@ def _last_empty(lines: Lines, mark: str, width: int, end: int) -> int:
 def _cells(line: str, mark: str) -> list[str]:
     if mark == " ":
         return line.split()
-    return quoted_cells(line, mark) if '"' in line else line.split(mark)
+    return split_cells(line, mark)
 
 
 def _bare(cell: str) -> str:

@@ -32,6 +32,10 @@ def rows(header: str, form: Callable[..., str], *columns: np.ndarray) -> str:
     return "\n".join([header, *(form(*row) for row in zip(*columns, strict=True)), ""])
 
 
+def heater(header: str, form: Callable[..., str]) -> str:
+    return rows(header, form, TIME, POWER, HEAT)
+
+
 SWITCHED = np.where(POWER > 50.0, 1.0, 0.0)
 HEAT_SWITCHED = REST + warmed(80.0 * SWITCHED)
 
@@ -77,27 +81,27 @@ def newest_first() -> str:
 
 LOGS: dict[str, tuple[str, float]] = {  # and what the gain is times that of % and K
     "days of a spreadsheet, called a date": (
-        rows("Date,Heater %,Temp C", lambda t, u, y: f"{45352.375 + t / 86400:.6f},{u:.0f},{y:.3f}", TIME, POWER, HEAT),
+        heater("Date,Heater %,Temp C", lambda t, u, y: f"{45352.375 + t / 86400:.6f},{u:.0f},{y:.3f}"),
         1.0,
     ),
     "days of a spreadsheet, called a time": (
-        rows("Time,Heater %,Temp C", lambda t, u, y: f"{45352.375 + t / 86400:.9f},{u:.0f},{y:.3f}", TIME, POWER, HEAT),
+        heater("Time,Heater %,Temp C", lambda t, u, y: f"{45352.375 + t / 86400:.9f},{u:.0f},{y:.3f}"),
         1.0,
     ),
     "days of MATLAB": (
-        rows("datenum,u_pct,T_C", lambda t, u, y: f"{739312.5 + t / 86400:.9f},{u:.0f},{y:.3f}", TIME, POWER, HEAT),
+        heater("datenum,u_pct,T_C", lambda t, u, y: f"{739312.5 + t / 86400:.9f},{u:.0f},{y:.3f}"),
         1.0,
     ),
     "Fahrenheit as a letter": (
-        rows("minutes,heater,Temp F", lambda t, u, y: f"{t / 60:.4f},{u:.0f},{1.8 * y + 32:.2f}", TIME, POWER, HEAT),
+        heater("minutes,heater,Temp F", lambda t, u, y: f"{t / 60:.4f},{u:.0f},{1.8 * y + 32:.2f}"),
         1.0,
     ),
     "a time that is called by its unit alone": (
-        rows("s,heater,temp_C", lambda t, u, y: f"{t:.0f},{u:.0f},{y:.3f}", TIME, POWER, HEAT),
+        heater("s,heater,temp_C", lambda t, u, y: f"{t:.0f},{u:.0f},{y:.3f}"),
         1.0,
     ),
     "a signal of 4 to 20 mA that rests at 4": (
-        rows("t_s,valve_mA,temp_C", lambda t, u, y: f"{t},{4 + 0.16 * u:.3f},{y - REST:.3f}", TIME, POWER, HEAT),
+        heater("t_s,valve_mA,temp_C", lambda t, u, y: f"{t},{4 + 0.16 * u:.3f},{y - REST:.3f}"),
         6250.0,
     ),
     "a switch that is ON or OFF": (states("ON", "OFF"), 80.0),

@@ -10,7 +10,7 @@ import pytest
 from bench.diagnose.nulls import colored
 from bench.host.identify_faults import changed, motor, swing
 from firmloop.cli import main
-from firmloop.identify.fitting.checks.structure import answering, features
+from firmloop.identify.fitting.checks.structure import Array, Columns, answering, features
 from firmloop.project.project import read_project
 from firmloop.stages.data import read_data
 from firmloop.stages.plant import plant_of
@@ -21,13 +21,18 @@ STEP = 0.01
 CASES = 60
 
 
+def heated(folder: Path, drive: Array) -> tuple[Array, Columns]:
+    """Return what a lag of 1.2 s makes of a drive (n,), and the features of its recording (n, f)."""
+    clean, time = lagged(drive, 1.2), STEP * np.arange(len(drive))
+    text = lag_project("heater_V", "temperature_C", 1.0, 1.2)
+    project = read_project(logged(folder, text, "time_s,heater_V,temperature_C", time, drive, clean))
+    return clean, features(plant_of(project), read_data(project).train[0], clean[:, None])
+
+
 def test_a_drift_answers_no_input_and_a_lag_that_is_off_does(tmp_path: Path) -> None:
     rng = np.random.default_rng(2)
     drive = np.repeat(rng.uniform(0.0, 5.0, 30), 100)
-    clean, time = lagged(drive, 1.2), STEP * np.arange(len(drive))
-    text = lag_project("heater_V", "temperature_C", 1.0, 1.2)
-    project = read_project(logged(tmp_path, text, "time_s,heater_V,temperature_C", time, drive, clean))
-    given = features(plant_of(project), read_data(project).train[0], clean[:, None])
+    clean, given = heated(tmp_path, drive)
     drifts = (np.cumsum(lagged(rng.standard_normal(len(drive)), 3.0)) for _ in range(CASES))
     assert [answering(each, given) for each in drifts] == [0.0] * CASES
     off = lagged(drive, 1.4) - clean
@@ -38,10 +43,7 @@ def test_noise_that_grows_towards_slow_answers_an_input_of_few_steps_once_in_a_w
     """A few coefficients do not hold the slowest of 1/f noise: every fifth of such had answered the input."""
     rng = np.random.default_rng(7)
     drive = np.repeat(rng.uniform(0.0, 5.0, 10), 300)
-    clean, time = lagged(drive, 1.2), STEP * np.arange(len(drive))
-    text = lag_project("heater_V", "temperature_C", 1.0, 1.2)
-    project = read_project(logged(tmp_path, text, "time_s,heater_V,temperature_C", time, drive, clean))
-    given = features(plant_of(project), read_data(project).train[0], clean[:, None])
+    clean, given = heated(tmp_path, drive)
     noises = (colored("one_over_f", len(drive), rng, STEP, 1.0) for _ in range(CASES))
     assert sum(answering(each, given) > 0.0 for each in noises) <= 0.05 * CASES
     off = lagged(drive, 1.4) - clean
