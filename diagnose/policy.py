@@ -82,6 +82,7 @@ PUSH_SHARE = 0.002  # of the largest effort: what bodies that meet make of more 
 # Parameters: as given, as fitted, and how well they are known.
 ON_BOUND = 1e-3  # share of a finite upper end of a range within which a fit ended on the bound and not in the data
 SAME_CONSTANT = 0.3  # of log(kt / ke) as given, up to which both are meant to be one constant, as they are in SI units
+KNOWN_BY_FACTOR = 23.0  # reach of log(size) beyond which nothing is known of it: 10^10 times less or more
 CONSTANT_DEVIATION = 0.02  # standard deviation of log(kt / ke) where they are one
 CONSTANT_WEIGHT = 30.0  # weight of their ratio beside the parameters' own shifts
 GIVEN_DEVIATION = 1.0  # of a nominal parameter as given, as a logarithm: it counts where data are silent

@@ -12,7 +12,7 @@ from firmloop.diagnose.model.angle import with_walk
 from firmloop.diagnose.model.fit import Fitted, doubted
 from firmloop.diagnose.model.hypothesis import Problem
 from firmloop.diagnose.model.torque_scale import on_scale_of_torques
-from firmloop.diagnose.policy import SAME_CONSTANT
+from firmloop.diagnose.policy import KNOWN_BY_FACTOR, SAME_CONSTANT
 from firmloop.identify.plants.effect import EffectParameter
 
 _TORQUE, _VOLTAGE = "kt_N_m_A", "ke_V_s_rad"
@@ -50,10 +50,11 @@ def interval_of(known: EffectParameter, value: float, reach: float, alone: float
     So, too, where only a scale of torques of which little is known would let it be nothing: `alone` is its reach if
     that scale were known.
     """
-    if not math.isfinite(reach):
+    by_factor = (known.logarithmic and value > 0.0) or alone < abs(value) <= reach
+    if not math.isfinite(reach) or (by_factor and reach > KNOWN_BY_FACTOR * abs(value)):
         return None
     low, high = value - reach, value + reach
-    if (known.logarithmic and value > 0.0) or alone < abs(value) <= reach:
-        factor = math.exp(min(reach / abs(value), 50.0))
+    if by_factor:
+        factor = math.exp(reach / abs(value))
         low, high = sorted((value / factor, value * factor))
     return min(max(low, known.low), value), max(min(high, known.high), value)

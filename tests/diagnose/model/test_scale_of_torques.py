@@ -14,6 +14,7 @@ from firmloop.diagnose.model.fit import deviations, strength
 from firmloop.diagnose.model.hypothesis import Point, coordinates, entered, first_point, stepped
 from firmloop.diagnose.model.scale_doubt import interval_of
 from firmloop.identify.normal import NORMAL_95
+from firmloop.identify.plants.effect import size
 from tests.diagnose.arm import MOTOR, NOISE, PULL, hung
 from tests.diagnose.cases import diagnosis, problem_of, refitted
 
@@ -31,6 +32,11 @@ def test_the_pull_on_an_arm_is_certain_however_little_is_known_of_the_scale(tmp_
     assert strength(found, term) > 50.0
     interval = interval_of(term.parameters[0], size, told, NORMAL_95 * size / strength(found, term))
     assert interval is not None and 0.0 < interval[0] < PULL < interval[1]
+
+
+@pytest.mark.parametrize("reach, known", [(1.0, True), (4.0, True), (50.0, False), (1e6, False)])
+def test_a_size_of_which_any_decade_would_do_has_no_interval(reach: float, known: bool) -> None:
+    assert (interval_of(size("torque_N_m", "N*m"), 1e-3, 1e-3 * reach, 1e-4) is not None) == known
 
 
 def test_a_wave_of_known_period_goes_by_its_quadratures(tmp_path: Path) -> None:
