@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -103,9 +104,14 @@ def library() -> ctypes.CDLL | None:
 
 @cache
 def _library() -> ctypes.CDLL:
+    return ctypes.CDLL(str(library_file()))
+
+
+def library_file() -> Path:
+    """Return where the compiled code is kept, built where it is not; ToolError where no compiler builds it."""
     folder = files("firmloop.verify.lanes")
     texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in _SOURCES}
-    return ctypes.CDLL(str(shared_library(texts, _SOURCES[:1], FLAGS)))
+    return shared_library(texts, _SOURCES[:1], FLAGS)
 
 
 class Compiled:
