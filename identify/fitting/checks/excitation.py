@@ -22,13 +22,15 @@ _WIDTH = 8  # bins that one sine takes at most under a Hann window
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
-    """Count frequencies of the first input against free parameters; name what is hardly known after a fit."""
+    """Count frequencies of the inputs against free parameters; name what is hardly known after a fit."""
     plant = evidence.given
-    name = plant.inputs[0].name
+    names = [each.name for each in plant.inputs]
+    name = names[0]
     drives = [recording.columns[name] for recording in evidence.recordings]
     if not any(parameter.free for parameter in plant.parameters):
         return ()
-    still = all(np.ptp(drive) == 0.0 for drive in drives)
+    pushes = [[recording.columns[one] for one in names] for recording in evidence.recordings]
+    still = all(np.ptp(push) == 0.0 for together in pushes for push in together)
     one_level = still and np.ptp(np.concatenate(drives)) == 0.0  # steps of several heights, one a recording, tell it
     if one_level and any(parameter.name == "gain" and parameter.free for parameter in plant.parameters):
         return (
@@ -38,13 +40,14 @@ def look(evidence: Evidence) -> tuple[str, ...]:
     free = sum(parameter.free for parameter in plant.parameters)
     if not plant.remembers and not still:
         return _levels(plant, free, drives) or _poorly(evidence)
-    lines = max(frequencies(drive) for drive in drives)
+    lines = max(sum(frequencies(push) for push in together if np.ptp(push)) for together in pushes)
     needed = -(-free // (2 * len(plant.outputs)))
-    stepped = any(_steps(drive) for drive in drives)
+    stepped = any(_steps(push) for together in pushes for push in together)
     # What moves by itself, as a decay does, is judged by its intervals.
     if lines < needed and not still and not stepped:
+        hold = f"{name} holds" if len(names) == 1 else f"{' and '.join(names)} hold"
         return (
-            f"{name} holds {lines} frequenc{'y' if lines == 1 else 'ies'}, and {free} free parameters of "
+            f"{hold} {lines} frequenc{'y' if lines == 1 else 'ies'}, and {free} free parameters of "
             f"{len(plant.outputs)} output{'s' if len(plant.outputs) > 1 else ''} need {needed}: record steps or a "
             "sweep (firmloop excite makes one), or fix parameters with free = false",
         )

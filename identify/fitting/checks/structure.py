@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,17 +96,18 @@ def _bent(evidence: Evidence, parts: Sequence[Remainder]) -> dict[str, float]:
     if any(len(part.residual) != len(one.time) for part, (one, _) in zip(parts, pairs, strict=True)):
         return {}
     weights = np.array([1.0 / max(evidence.fit.noise[o.name], 1e-300) for o in plant.outputs])
-    undriven = [_run(plant, one, np.zeros(len(one.time))) for one, _ in pairs]
+    names = [each.name for each in plant.inputs]
+    undriven = {name: [_run(plant, one, name, np.zeros(len(one.time))) for one, _ in pairs] for name in names}
     for k, output in enumerate(plant.outputs):
         if evidence.fit.noise[output.name] < _SMALL * max(np.std(one.columns[output.name]) for one, _ in pairs):
             continue
-        for turn in (np.square, lambda y: y * np.abs(y)):
+        for name, turn in product(undriven, _BENDS):
             drives = [turn(score.simulated[:, k]) for _, score in pairs]
-            scale = max(_size(one.columns[plant.inputs[0].name]) for one, _ in pairs) / max(map(_size, drives))
-            runs = [_run(plant, one, scale * drive) for (one, _), drive in zip(pairs, drives, strict=True)]
+            scale = max(_size(one.columns[name]) for one, _ in pairs) / max(map(_size, drives))
+            runs = [_run(plant, one, name, scale * drive) for (one, _), drive in zip(pairs, drives, strict=True)]
             columns = [
                 _compared(evidence, one, run - rest)
-                for (one, _), run, rest in zip(pairs, runs, undriven, strict=True)
+                for (one, _), run, rest in zip(pairs, runs, undriven[name], strict=True)
                 if run is not None and rest is not None
             ]
             if len(columns) < len(pairs):
@@ -118,9 +120,9 @@ def _bent(evidence: Evidence, parts: Sequence[Remainder]) -> dict[str, float]:
     return found
 
 
-def _run(plant: Plant, recording: Recording, drive: Array) -> Array | None:
+def _run(plant: Plant, recording: Recording, name: str, drive: Array) -> Array | None:
     """Return the outputs (n, r) of the plant as given, with another input (n,) than was recorded; None of none."""
-    return run_as_given(plant, replace(recording, columns={**recording.columns, plant.inputs[0].name: drive}))
+    return run_as_given(plant, replace(recording, columns={**recording.columns, name: drive}))
 
 
 def _compared(evidence: Evidence, recording: Recording, moved: Array) -> Array:
@@ -130,16 +132,16 @@ def _compared(evidence: Evidence, recording: Recording, moved: Array) -> Array:
 
 
 def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
-    """Return what the input alone decides (n, f), each column without its mean, of about size 1.
+    """Return what the inputs alone decide (n, f), each column without its mean, of about size 1.
 
-    Its past; bent functions of the simulated outputs (n, r); and what the plant makes of a bent input. In single
+    Their past; bent functions of the simulated outputs (n, r); and what the plant makes of a bent input. In single
     precision: there are many, each as long as the recording.
     """
-    drive = recording.columns[plant.inputs[0].name]
-    rows = len(drive)
+    drives = {each.name: recording.columns[each.name] for each in plant.inputs}
+    rows = len(outputs)
     lags = np.unique(np.round(np.geomspace(1.0, max(rows / 4.0, 2.0), _LAGS)).astype(int))
-    turns = (lambda u: u * np.abs(u), np.abs, lambda u: np.tanh(20.0 * u / _size(u)))
-    found = np.empty((rows, len(lags) + (4 + len(turns)) * outputs.shape[1]), np.float32)
+    width = len(drives) * (len(lags) + len(_TURNS) * outputs.shape[1]) + 4 * outputs.shape[1]
+    found = np.empty((rows, width), np.float32)
     count = 0
 
     def keep(column: Array) -> None:
@@ -148,15 +150,15 @@ def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
         found[:, count] = centred / _size(centred)
         count += 1
 
-    for lag in lags:
+    for drive, lag in product(drives.values(), lags):
         keep(np.concatenate([np.full(lag, drive[0]), drive[:-lag]]))
     for column in outputs.T:
         keep(column)
         keep(np.abs(column))
         keep(np.tanh(20.0 * column / _size(column)))
         keep(column**3)
-    for turn in turns:
-        run = _run(plant, recording, turn(drive))
+    for (name, drive), turn in product(drives.items(), _TURNS):
+        run = _run(plant, recording, name, turn(drive))
         for column in run.T if run is not None else ():
             keep(column)
     return found[:, :count]
@@ -164,6 +166,14 @@ def features(plant: Plant, recording: Recording, outputs: Array) -> Columns:
 
 def _size(values: Array) -> float:
     return float(np.max(np.abs(values))) or 1.0
+
+
+_BENDS: tuple[Callable[[Array], Array], ...] = (np.square, lambda y: y * np.abs(y))
+_TURNS: tuple[Callable[[Array], Array], ...] = (
+    lambda u: u * np.abs(u),
+    np.abs,
+    lambda u: np.tanh(20.0 * u / _size(u)),
+)
 
 
 def answering(residual: Array, given: Columns, noisy: bool = True) -> float:

@@ -43,6 +43,11 @@ _EXCHANGED = (CURRENTS, VOLTAGES, *combinations(DUTIES, 2))
 _SUM = 0.05  # of the largest current
 _SLIP = 0.02
 _ANGLES = (("degrees", 180.0 / math.pi, "deg"), ("turns", 0.5 / math.pi, "turn"))
+_SPEEDS = (
+    ("revolutions per minute", 30.0 / math.pi, "rpm"),
+    ("degrees a second", 180.0 / math.pi, "deg/s"),
+    ("revolutions a second", 0.5 / math.pi, "rev/s"),
+)
 
 
 def look(evidence: Evidence) -> tuple[str, ...]:
@@ -76,10 +81,20 @@ def _pairs(recording: Recording, pairs: float) -> str:
         seen = _pairs_of_axes(recording.time, frame, small, pairs)
     if seen is None:
         return ""
-    turned = f", or speed_rad_s is {'the electrical speed' if round(seen) == 1 else 'off by that factor'}"
+    says = f"pole_pairs = {pairs:g}, but the currents of {recording.source} fit {seen:.3g}: "
+    for name, times, unit in _SPEEDS:
+        if abs(math.log(pairs / seen / times)) < _SLIP:
+            return (
+                f'{says}speed_rad_s looks like {name}; write speed = {{ name = "speed_rad_s", unit = "{unit}" }} in '
+                "[recordings.rename]"
+            )
+    off = f"speed_rad_s is off by a factor of {pairs / seen:.3g}"
+    if round(seen) == 0 or abs(math.log(seen / round(seen))) > math.log1p(_SURE):
+        return f"{says}no whole number; {off}: give the column its unit in [recordings.rename]"
+    turned = "the electrical speed" if round(seen) == 1 else "off by that factor"
     return (
-        f"pole_pairs = {pairs:g}, but the currents of {recording.source} fit {seen:.3g}: correct pole_pairs to "
-        f"{max(round(seen), 1)}{turned}: give the column its unit in [recordings.rename]"
+        f"{says}correct pole_pairs to {round(seen)}, or speed_rad_s is {turned}: give the column its unit in "
+        "[recordings.rename]"
     )
 
 

@@ -74,6 +74,21 @@ def test_pole_pairs_that_are_wrong_beside_phase_currents(given: int, true: int) 
     assert f"correct pole_pairs to {true}" in one
 
 
+@pytest.mark.parametrize(
+    ("times", "way"),
+    [
+        (30.0 / math.pi, 'unit = "rpm"'),
+        (180.0 / math.pi, 'unit = "deg/s"'),
+        (2.9, "no whole number; speed_rad_s is off"),
+    ],
+)
+def test_a_speed_in_another_unit_is_no_reason_to_change_the_pole_pairs(times: float, way: str) -> None:
+    columns = {name: value for name, value in log(4).items() if "_A" not in name or name[8] in "dq"}
+    del columns["position_rad"]
+    (one,) = said({**columns, "speed_rad_s": times * columns["speed_rad_s"]}, 4)
+    assert way in one and "correct pole_pairs" not in one
+
+
 @pytest.mark.parametrize("pairs", [1, 4, 7])
 def test_a_sound_log_of_two_phases_is_met_with_silence(pairs: int) -> None:
     columns = {name: value for name, value in log(pairs).items() if name[8:] not in ("d_A", "q_A", "c_A")}
