@@ -39,11 +39,16 @@ STANDARD = frozenset(
     """.split()
 )
 
-# Headers of C99 to C23: a NAME.h on the path of a build comes before the system's.
+# Headers of C99 to C23 and of POSIX, on which those of C and C++ stand, and Arduino's where a file system knows no
+# capitals: a NAME.h on the path of a build comes before the system's.
 HEADERS = frozenset(
     """
     assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdalign stdarg stdatomic
     stdbit stdbool stdckdint stddef stdint stdio stdlib stdnoreturn string tgmath threads time uchar wchar wctype
+    aio cpio dirent dlfcn endian fcntl features fmtmsg fnmatch ftw glob grp iconv langinfo libgen libintl monetary
+    mqueue ndbm netdb nl_types poll pthread pwd regex sched search semaphore spawn strings stropts syslog tar
+    termios trace ulimit unistd utime utmpx wordexp
+    arduino
     """.split()
 )
 

@@ -86,7 +86,10 @@ def _rational(request: Request, above: list[float], below: list[float]) -> Ratio
         return sampled(request, above, below, "tustin", 0.0)
     for key in METHOD_KEYS:
         if key in request.table:
-            raise DesignError(f'controller.{key} is for domain = "s", but the domain is "z"; remove one of the two')
+            raise DesignError(
+                f'controller.{key} is for a law in s, and controller.domain is "z", as where it is left out: '
+                f'write domain = "s" for coefficients in s, or remove {key}'
+            )
     return from_z(above, below)
 
 

@@ -146,7 +146,8 @@ def _about_unstable(found: Margins) -> list[str]:
     if math.isfinite(factor) and factor > 0.0:
         side = "below" if factor < 1.0 else "above"
         return [
-            f"  note: the loop is stable with its gain {side} {factor:.3g} times what it is: scale kp, ki and kd alike"
+            f"  note: the loop is stable with its gain {side} {factor:.3g} times what it is: scale all gains of the "
+            "controller alike; of a transfer function that is the numerator, of a state space C and D"
         ]
     if found.stable_turned:
         return [

@@ -54,6 +54,9 @@ TAKEN = {
     "fmi3": "fmi3.c",
     "con": "Windows",
     "com1": "Windows",
+    "sched": "<sched.h>",
+    "pthread": "<pthread.h>",
+    "arduino": "<arduino.h>",
 }
 
 

@@ -109,3 +109,30 @@ def test_the_page_tells_the_phases_that_a_lead_lag_takes(
     assert main(["generate", str(tmp_path / "p.toml"), "--out", str(tmp_path / "out")]) == status
     assert status == 0 or "must be from -89 to 89" in capsys.readouterr().err
     assert "`phase_deg` (from -89 to 89;" in PAGE.read_text()
+
+
+def test_a_method_of_s_beside_no_domain_is_told_the_line_that_is_missing(tmp_path, capsys) -> None:
+    """Left out, the domain is z, in which the coefficients of a law in s are another law."""
+    law = 'numerator = [1e6]\ndenominator = [1, 200, 20000, 1e6]\ndiscretize = "matched"\n'
+    text = f'schema = 1\nname = "p"\n[controller]\nkind = "transfer_function"\nperiod_s = 0.001\n{law}{{}}{PLAIN}'
+    path = tmp_path / "p.toml"
+    path.write_text(text.format(""))
+    assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 2
+    (line,) = re.findall(r"write (domain = \S+) for coefficients in s", capsys.readouterr().err)
+    path.write_text(text.format(line))
+    assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 0
+
+
+def test_an_unstable_loop_of_no_pid_is_told_to_scale_what_it_has(tmp_path, capsys) -> None:
+    plant = 'kind = "first_order"\ninput = "u_V"\noutputs = ["y_V"]\n[plant.parameters]\n'
+    plant += "gain = { value = 3 }\ntime_constant_s = { value = 0.05 }\ndelay_s = { value = 0.02 }\n"
+    law = 'kind = "transfer_function"\nperiod_s = 0.001\nnumerator = [100.0]\ndenominator = [1.0, 20.0]\ndomain = "s"\n'
+    path = tmp_path / "p.toml"
+    path.write_text(f'schema = 1\nname = "p"\n[plant]\n{plant}[controller]\n{law}{PLAIN}')
+    assert main(["design", str(path), "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "the numerator" in said and "kp" not in said
+    (most,) = re.findall(r"stable with its gain below (\S+) times", said)
+    path.write_text(path.read_text().replace("[100.0]", f"[{99.0 * float(most)}]"))
+    assert main(["design", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert "UNSTABLE" not in capsys.readouterr().out
