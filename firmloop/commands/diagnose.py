@@ -17,7 +17,7 @@ HELP = (
     "many machines is different; DIR/fleet.json, DIR/fleet.html"
 )
 
-NOTHING, FOUND, NOT_DONE = 0, 1, 3
+NOTHING, FOUND, NONE_READ, NOT_DONE = 0, 1, 2, 3
 MOST_WORKERS = 1024
 
 
@@ -95,6 +95,9 @@ def _fleet(arguments: argparse.Namespace, console: Console) -> int:
         complain(f"{name} was not diagnosed: {why}")
     if made.failed:
         return NOT_DONE
+    if all(one.refused for one in made.members):
+        complain(f"{arguments.fleet}: none of its recordings could be used, so that no machine was looked at")
+        return NONE_READ
     return FOUND if made.compared.different else NOTHING
 
 

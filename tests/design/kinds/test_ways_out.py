@@ -114,12 +114,13 @@ def test_the_page_tells_the_phases_that_a_lead_lag_takes(
 def test_a_method_of_s_beside_no_domain_is_told_the_line_that_is_missing(tmp_path, capsys) -> None:
     """Left out, the domain is z, in which the coefficients of a law in s are another law."""
     law = 'numerator = [1e6]\ndenominator = [1, 200, 20000, 1e6]\ndiscretize = "matched"\n'
-    text = f'schema = 1\nname = "p"\n[controller]\nkind = "transfer_function"\nperiod_s = 0.001\n{law}{{}}{PLAIN}'
+    text = f'schema = 1\nname = "p"\n[controller]\nkind = "transfer_function"\nperiod_s = 0.001\n{law}'
+    number = '[arithmetic]\nnumber = "float64"\n'
     path = tmp_path / "p.toml"
-    path.write_text(text.format(""))
+    path.write_text(text + PLAIN + number)
     assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 2
     (line,) = re.findall(r"write (domain = \S+) for coefficients in s", capsys.readouterr().err)
-    path.write_text(text.format(line))
+    path.write_text(f"{text}{line}\n{PLAIN}{number}")
     assert main(["generate", str(path), "--out", str(tmp_path / "out")]) == 0
 
 

@@ -160,6 +160,9 @@ def test_a_recording_that_cannot_be_used_stops_no_other(
     assert "not used: bad.csv: bad.csv" in said and "Traceback" not in said
     members = json.loads((tmp_path / "out" / "fleet.json").read_text())["members"]
     assert [(one["machine"], one["verdict"]) for one in members] == [("bad", "refused"), ("good", "no_mismatch")]
+    (fleet / "good.csv").unlink()  # what looked at no machine has found none alike
+    assert main([*arguments, "--workers", "1"]) == 2
+    assert "none of its recordings could be used" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
